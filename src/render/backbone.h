@@ -1,4 +1,4 @@
-// What a splatting backbone offers: images of Gaussians, and the gradients back.
+// Interface of the splatting backbones: render images of Gaussians and return gradients.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,7 @@
 
 namespace tvsgs {
 
-/// A set of maps to render. The buffers of what is not asked for may stay empty; reading them is an
-/// error.
+/// A set of maps to render. Buffers of maps outside the set may stay empty and must not be read.
 enum class Maps : unsigned {
     none = 0,
     color = 1,
@@ -23,7 +22,7 @@ enum class Maps : unsigned {
     depth = 4,
     distortion = 8,
     expected_depth = 16,
-    coverage = 32  // always there; asked for: derivatives by the transmittance
+    coverage = 32  // always rendered; if requested: derivatives by the transmittance
 };
 
 constexpr Maps operator|(Maps a, Maps b) {
@@ -32,12 +31,12 @@ constexpr Maps operator|(Maps a, Maps b) {
 constexpr Maps& operator|=(Maps& a, Maps b) {
     return a = a | b;
 }
-/// Whether any of `some` is in the set.
+/// True if the set contains any of `some`.
 constexpr bool has(Maps set, Maps some) {
     return (static_cast<unsigned>(set) & static_cast<unsigned>(some)) != 0;
 }
 
-/// What is left of a set without `some`.
+/// The set without `some`.
 constexpr Maps without(Maps set, Maps some) {
     return static_cast<Maps>(static_cast<unsigned>(set) & ~static_cast<unsigned>(some));
 }
@@ -55,53 +54,52 @@ inline std::string names_of(Maps maps) {
     return names;
 }
 
-/// Where the rays of depth maps pass through the pixels. `official` keeps a habit of PGSR's code:
-/// half a pixel up and left of the centres, through which it blends.
+/// Where the rays of depth maps pass through the pixels. `official` follows PGSR's code: half a
+/// pixel up and left of the pixel centres that blending uses.
 enum class PixelCenter { exact, official };
 
-/// The camera whose pixel_ray() the depth of a view lies on.
+/// The camera whose pixel_ray() a view's depth map uses.
 inline Camera ray_camera(Camera camera, PixelCenter center) {
     if (center == PixelCenter::official) camera.cx_px += 0.5f, camera.cy_px += 0.5f;
     return camera;
 }
 
-/// Images of one render, pixel (x, y) at y * width + x.
+/// Images of one render; pixel (x, y) is at y * width + x.
 template <class Device>
 struct RenderedImages {
     int width = 0, height = 0;
-    Camera camera;                // its pixel_ray() is what depth lies on; see ray_camera()
-    Buffer<Vec3f, Device> color;  // [H W] not clamped
+    Camera camera;                        // its pixel_ray() carries the depth; see ray_camera()
+    Buffer<Vec3f, Device> color;          // [H W] not clamped
+    Buffer<float, Device> transmittance;  // [H W] behind all splats; coverage is 1 - transmittance
+    Buffer<Vec3f, Device> normal;      // [H W] camera frame, blended; some backbones normalise it
+    Buffer<float, Device> depth;       // [H W] z-depth of the surface; 0 if undefined
+    Buffer<float, Device> distortion;  // [H W] spread in depth of the blended splats
     Buffer<float, Device>
-        transmittance;             // [H W] left behind all splats; coverage is 1 - transmittance
-    Buffer<Vec3f, Device> normal;  // [H W] camera frame, blended; some rasterisers normalise it
-    Buffer<float, Device> depth;   // [H W] z-depth of the surface; 0 where it is undefined
-    Buffer<float, Device> distortion;  // [H W] how far apart in depth is what a pixel blends
-    Buffer<float, Device>
-        expected_depth;  // [H W] mean z-depth of what a pixel blends, by weight; 0: nothing
+        expected_depth;  // [H W] mean z-depth of the blended splats, by weight; 0: none
 };
 
-/// dL/d of the images, in their shapes. An empty buffer stands for zeros: no loss has written to
-/// it. dL/d of a depth is ignored at pixels where it is undefined (0).
+/// dL/d of the images, with their shapes. An empty buffer means zeros: no loss has written to it.
+/// dL/d of a depth is ignored at pixels with undefined depth (0).
 template <class Device>
 struct ImageGradients {
     Buffer<Vec3f, Device> color, normal;
     Buffer<float, Device> depth, distortion, expected_depth, transmittance;
 };
 
-/// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not
-/// visible.
+/// Statistics of one render for densification, per Gaussian. Zero if the Gaussian is not visible.
 template <class Device>
 struct ScreenStatistics {
     Buffer<float, Device> radii_px;         // [N] 3-sigma radius, rounded up; > 0 means visible
     Buffer<Vec2f, Device> dL_dmeans2d;      // [N] per NDC unit, summed over pixels
     Buffer<Vec2f, Device> abs_dL_dmeans2d;  // [N] the same with absolute values per pixel
     Buffer<int, Device>
-        front_pixels;  // [N] pixels where it was blended while T > 0.5 (PGSR's `observe`)
+        front_pixels;  // [N] pixels that blended it with T > 0.5 (`observe` in PGSR)
 };
 
-/// What the depth of a surface is, of the depths that a pixel blends: by the blended plane; their
-/// mean by weight; or where half of the light is gone (of surfels: the last one that more than half
-/// gets to). `automatic`: plane where the rasteriser has planes, else median.
+/// Definition of a pixel's surface depth. plane: depth of the blended plane; expected: mean depth
+/// of the blended splats by weight; median: depth at which half of the light is absorbed (surfels:
+/// depth of the last splat that more than half of the light reaches). automatic: plane if the
+/// backbone has planes, else median.
 enum class SurfaceDepth { automatic, plane, expected, median };
 
 struct BackboneOptions {
@@ -124,89 +122,88 @@ struct BackboneOptions {
     }
 };
 
-/// What one render draws.
+/// Size of one render.
 struct RenderCounts {
-    int visible = 0;    // splats in some tile's list
+    int visible = 0;    // splats in at least one tile's list
     int fragments = 0;  // entries of all lists
 };
 
-/// The work of blending one render. On both devices a warp stands for 8x8 pixels, a quarter of a
-/// tile; on CUDA each of its lanes has two of them.
+/// Work of blending one render. On both devices a warp covers 8x8 pixels, a quarter of a tile; on
+/// CUDA each lane has two pixels.
 struct BlendWork {
-    std::int64_t tests = 0;          // of splats against the pixels of a warp
+    std::int64_t tests = 0;          // splats tested against the pixels of a warp
     std::int64_t hits = 0;           // splats that may draw in a warp
-    std::int64_t evaluations = 0;    // alphas at pixels that are not full yet
+    std::int64_t evaluations = 0;    // alphas computed at pixels that are not full
     std::int64_t contributions = 0;  // evaluations that draw
-    std::int64_t draws = 0;          // hits that draw at some pixel; the other hits are wasted
-    std::int64_t sums = 0;           // draws by several lanes, whose gradients have to be added up
+    std::int64_t draws = 0;          // hits that draw at any pixel; the other hits are wasted
+    std::int64_t sums = 0;           // draws by several lanes, whose gradients must be summed
 };
 
 struct FusedGradients;  // fused_gradients.h
 
+/// A rasteriser of one device. The training calls forward(), then backward(), in turn.
 template <class Device>
 class Backbone {
 public:
     virtual ~Backbone() = default;
 
-    /// What forward() may be asked for.
+    /// The maps that forward() supports.
     virtual Maps maps() const { return Maps::color | kGeometryMaps; }
 
-    /// Whether splats are discs: their third scale, along the normal, is not theirs to choose.
+    /// True if splats are discs: training must not change their third scale, along the normal.
     virtual bool flat() const { return false; }
 
-    /// What is added to the covariances of ellipses in the image, px^2; viewers draw by it.
+    /// Low-pass added to the covariances of ellipses in the image, px^2. Viewers need it.
     virtual float low_pass_px2() const { return 0; }
 
-    /// Whether splats thinner than a pixel are drawn fainter, so that nothing should flatten them.
+    /// True if splats thinner than a pixel become fainter, so that no loss should flatten them.
     virtual bool fades_thin_splats() const { return false; }
 
-    /// Called before the first step of a training (`step` is 0) and after each. Updates what the
-    /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: the step added,
-    /// removed or re-ordered splats; the filter's entries were re-ordered with them. `cameras`: of
-    /// the training views. What this writes to `gaussians` is saved with them; any other state that
-    /// is kept from step to step would be lost on resuming.
+    /// Called before the first step of a training (`step` is 0) and after each step. Updates the
+    /// data beside the parameters (Gaussians::filter). `changed`: the step added, removed or
+    /// reordered splats; the filter was reordered with them. `cameras`: of the training views.
+    /// Checkpoints save `gaussians`; a resumed run loses any other state kept between steps.
     virtual void prepare(int /*step*/,
                          bool /*changed*/,
                          const std::vector<Camera>& /*cameras*/,
                          Gaussians<Device>& /*gaussians*/) {}
 
-    /// Renders; the result stays valid until the next call. `sh_degree` is the degree in use, at
-    /// most the stored one.
+    /// Renders. The result is valid until the next call. `sh_degree`: degree to use, at most the
+    /// stored one.
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                                   const Camera& camera,
                                                   int sh_degree,
                                                   Maps maps) = 0;
 
-    /// Gradients of the last forward(), added to `dL_dgaussians`, which has the shape already; its
-    /// harmonics may be missing where no colour was rendered, and get gradients of splats in view
-    /// alone, those with a radius. Writes statistics().
+    /// Adds the gradients of the last forward() to `dL_dgaussians`, which must have the shape of
+    /// `gaussians`. Its SH coefficients may be missing if no colour was rendered; only splats in
+    /// view (with a radius) get SH gradients. Writes statistics().
     virtual void backward(const Gaussians<Device>& gaussians,
                           const ImageGradients<Device>& dL_dimages,
                           Gaussians<Device>& dL_dgaussians) = 0;
 
-    /// Whether blend_backward() is implemented. Adam's step then needs no gradients of parameters
+    /// True if blend_backward() is implemented. Adam's step then needs no gradients of parameters
     /// in memory.
     virtual bool fuses() const { return false; }
 
-    /// The first half of backward(): what the splats add up over pixels. The second half, a
-    /// SplatVjp, carries it to the parameters and writes statistics(); Adam's step calls it where
-    /// it uses the gradients. Valid until the next call of any method; null unless fuses().
+    /// First half of backward(): sums over pixels for each splat. The second half, a SplatVjp,
+    /// computes the gradients of the parameters and writes statistics(); Adam's step calls it.
+    /// Valid until the next call of any method; null unless fuses().
     virtual const FusedGradients* blend_backward(const Gaussians<Device>& /*gaussians*/,
                                                  const ImageGradients<Device>& /*dL_dimages*/) {
         return nullptr;
     }
 
-    /// Whether add_camera_gradient() is implemented.
+    /// True if add_camera_gradient() is implemented.
     virtual bool moves_cameras() const { return false; }
 
     /// Adds dL/d of the camera of the last forward() to `sum`, the kCameraNumbers numbers of a
-    /// CameraGradient, on the device. Overwrites what a backward() leaves, which is to be called
-    /// after it.
+    /// CameraGradient on the device. Overwrites results of backward(), so call backward() after it.
     virtual void add_camera_gradient(const Gaussians<Device>& /*gaussians*/,
                                      const ImageGradients<Device>& /*dL_dimages*/,
                                      Span<double> /*sum*/) {}
 
-    /// Writes the statistics() that a backward() of zeros would write after the last forward().
+    /// Writes the statistics() of the last forward() as a backward() with zero gradients would.
     virtual void observe(const Gaussians<Device>& gaussians) {
         Gaussians<Device> unused;
         resize(unused, gaussians.size(), gaussians.sh_degree);
@@ -214,43 +211,43 @@ public:
         backward(gaussians, {}, unused);
     }
 
-    /// Of the last forward() (radii) and backward() (the rest).
+    /// Statistics of the last forward() (radii) and backward() (the rest).
     virtual const ScreenStatistics<Device>& statistics() const = 0;
 
-    /// Of the last forward().
+    /// Counts of the last forward().
     virtual RenderCounts counts() const { return {}; }
 
-    /// Counts the work of blending in the last forward(); takes about as long as the blending did.
+    /// Counts the work of blending in the last forward(). Takes about as long as the blending.
     virtual BlendWork blend_work() const { return {}; }
 
-    /// For measurements: from now on sums over fragments are made as FragmentGradients::atomic
-    /// says.
+    /// For measurements: from now on sums over fragments use atomics, see
+    /// FragmentGradients::atomic.
     virtual void use_atomic_sums() {}
 
-    /// Times of the parts of forward() and backward(); off unless switched on.
+    /// Times of the parts of forward() and backward(), if switched on.
     StageClock<Device>& clock() { return clock_; }
 
 private:
     StageClock<Device> clock_;
 };
 
-/// In the place of the second half of backward(): the statistics() that it writes.
+/// Replaces the second half of backward(): writes only the statistics().
 template <class Device>
 void write_statistics(Device device, const FusedGradients& gradients);
 
-/// Adds a backbone of a program that links this library: make_backbone() then knows its name. To be
-/// called before any training starts. The library's own are in backbones_list.h.
+/// Adds a backbone of a program that links this library, so that make_backbone() knows its name.
+/// Call it before any training starts. backbones_list.h has the library's own backbones.
 template <class Device>
 using MakeBackbone = std::function<std::unique_ptr<Backbone<Device>>(const BackboneOptions&)>;
 template <class Device>
 void add_backbone(const std::string& name, MakeBackbone<Device> make);
 
-/// Throws Error(ExitCode::usage) naming the known ones when `name` is not among them.
+/// Throws Error(ExitCode::usage) with the known names if `name` is unknown.
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options);
 
-/// Names of ours that draw discs (`flat`), or ellipsoids: "a, b".
+/// Names of the library's backbones with discs (`flat`), or with ellipsoids: "a, b".
 std::string backbones_of(bool flat);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// The list of backbones. Explicit, so that it can be read and no linker drops an entry; included by
-// one file per device.
+// The list of backbones. It is explicit, so that readers find it and no linker drops an entry. One
+// source file per device includes it.
 #pragma once
 
 #include <map>
@@ -11,6 +11,7 @@
 
 namespace tvsgs {
 
+/// Backbones added by add_backbone().
 template <class Device>
 auto& added_backbones() {
     static std::map<std::string, MakeBackbone<Device>> added;
@@ -22,7 +23,7 @@ void add_backbone(const std::string& name, MakeBackbone<Device> make) {
     added_backbones<Device>()[name] = std::move(make);
 }
 
-/// Refuses a render.depth that the rasteriser does not make.
+/// Throws if the backbone does not support render.depth.
 inline void require_depth(const char* backbone,
                           const BackboneOptions& options,
                           bool made,
@@ -32,7 +33,7 @@ inline void require_depth(const char* backbone,
                                          "; expected that or auto, or another backbone"));
 }
 
-/// Refuses rays off the pixel centres, for a rasteriser that has none.
+/// Throws for rays off the pixel centres, for a backbone without them.
 inline void require_exact_rays(const char* backbone, const BackboneOptions& o) {
     if (o.pixel_center != PixelCenter::exact)
         throw Error(ExitCode::usage,
@@ -40,6 +41,7 @@ inline void require_exact_rays(const char* backbone, const BackboneOptions& o) {
                         "' does not go by it; expected its default, or another backbone"));
 }
 
+/// Name and constructor of a backbone.
 template <class Device>
 struct BackboneEntry {
     const char* name;

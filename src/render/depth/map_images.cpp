@@ -7,7 +7,7 @@
 namespace tvsgs {
 namespace {
 
-/// Rounds half up; NaN is 0.
+/// Rounds half up; NaN becomes 0.
 std::uint8_t to_8bit(float value) {
     return value > 0 ? static_cast<std::uint8_t>(std::min(value, 1.0f) * 255 + 0.5f)
                      : std::uint8_t{0};
@@ -23,7 +23,8 @@ ImageU8 image_of(int width, int height, const Color& color) {
     return image;
 }
 
-/// Dark violet over green to yellow, ever brighter, so that it reads in grey as well; t in [0, 1].
+/// Colour ramp from dark violet over green to yellow for t in [0, 1], with increasing brightness,
+/// so that it also works in grey.
 Vec3f ramp(float t) {
     constexpr Vec3f kStops[] = {{0.27f, 0.00f, 0.33f},
                                 {0.23f, 0.32f, 0.55f},
@@ -44,8 +45,7 @@ ImageU8 color_image(int width, int height, const std::vector<Vec3f>& colors) {
 ImageU8 normal_image(int width, int height, const std::vector<Vec3f>& normals) {
     return image_of(width, height, [&](std::size_t i) {
         if (!(norm(normals[i]) > 1e-6f)) return Vec3f{};
-        // Camera axes are x right, y down, z forward; a picture reads better with y up and z
-        // towards the eye.
+        // Camera axes are x right, y down, z forward; the image uses y up and z towards the viewer.
         const Vec3f n = normalize(normals[i]);
         return 0.5f * (Vec3f{n.x, -n.y, -n.z} + Vec3f{1, 1, 1});
     });

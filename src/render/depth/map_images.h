@@ -1,4 +1,4 @@
-// Rendered maps as pictures for people.
+// Conversion of rendered maps to images.
 #pragma once
 
 #include <vector>
@@ -8,15 +8,15 @@
 
 namespace tvsgs {
 
-/// Colours in [0, 1] to 8 bits, rounded half up and clamped; [H W] row by row.
+/// Colours in [0, 1] to 8 bits, clamped and rounded half up; [H W] row by row.
 ImageU8 color_image(int width, int height, const std::vector<Vec3f>& colors);
 
-/// Camera-frame normals of any length as colours: facing surfaces are blue, right red, up green;
-/// none is black.
+/// Camera-frame normals of any length as colours: surfaces that face the camera are blue, right is
+/// red, up is green; pixels without a normal are black.
 ImageU8 normal_image(int width, int height, const std::vector<Vec3f>& normals);
 
-/// Near is bright yellow, far dark violet, between the 1st and 99th percentile of the valid depths;
-/// none is black.
+/// Depths from bright yellow (near) to dark violet (far), between the 1st and 99th percentile of
+/// the valid depths; pixels without depth are black.
 ImageU8 depth_image(int width, int height, const std::vector<float>& depths);
 
 }  // namespace tvsgs

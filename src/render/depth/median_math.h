@@ -1,22 +1,23 @@
-// The depth at which half of a ray's light has been taken away, by splats as solids: each takes
-// light on the way in and none on the way out.  [GGGS, Section 3]; the formulas:
+// Median depth of a ray: the depth at which half of the light is absorbed. Splats are solids: each
+// absorbs light up to its centre and none behind.  [GGGS, Section 3]; formulas:
 // docs/method/depth.md
 //
-// A splat of alpha a and profile g(t) = a exp(-(t - t_i)^2 / 2 s^2) lets through T_i = sqrt(1 - g)
-// before its centre and (1 - a) / sqrt(1 - g) behind; T is the product, whatever the order.
+// A splat with alpha a and profile g(t) = a exp(-(t - t_i)^2 / 2 s^2) transmits T_i = sqrt(1 - g)
+// in front of its centre and (1 - a) / sqrt(1 - g) behind it. T is the product over the splats, in
+// any order.
 #pragma once
 
 #include "render/rade/ray_profile_math.h"
 
 namespace tvsgs {
 
-/// Profiles end here, in deviations: g is 0 beyond. Every pass goes by it, so that none depends on
-/// which splats another one leaves out; T_i jumps by less than 2e-4 there.
+/// Cut-off of profiles, in deviations: g is 0 beyond. All passes use it, so that no pass depends on
+/// the splats that another pass skips. T_i jumps by less than 2e-4 there.
 inline constexpr float kProfileReach = 4;
 
 inline constexpr float kMedianSquare = 0.25f;  // of T
 
-/// exp(-x^2 / 2), cut off.
+/// exp(-x^2 / 2) with the cut-off.
 template <class Real>
 TVSGS_HD Real profile(Real x) {
     using std::abs;
@@ -33,7 +34,7 @@ TVSGS_HD Real passed_square(Real alpha, Real x) {
 /// Derivatives of ln T_i.
 template <class Real>
 struct PassedGradients {
-    Real by_alpha, by_depth;  // by_depth: by t; by t_i it is the negative
+    Real by_alpha, by_depth;  // by_depth: by t; the derivative by t_i is its negative
     Real by_square;           // by 1/s^2
 };
 template <class Real>
@@ -45,25 +46,26 @@ TVSGS_HD PassedGradients<Real> passed_vjp(Real alpha, Real x, Real deviation, Re
             Real(0.5) * y * x * (deviation * deviation)};
 }
 
-/// The splats that have a part in a pixel's depth: those that it blends, in blending's order, up to
-/// the first behind which T is below this, and no more than that many. All passes go by it. What
-/// comes later in the list has next to no part in the colour either, and costs as much again.
+/// The splats that count for a pixel's depth: the blended ones in blending order, up to the first
+/// behind which T is below this value, and at most kDepthSplats. All passes use these limits. Later
+/// splats contribute almost nothing to the colour either, and would double the cost.
 inline constexpr float kDepthTransmittance = 0.05f;
 inline constexpr int kDepthSplats = 32;
 
-/// Where these splats are along the ray.
+/// Extent of these splats along the ray.
 template <class Real>
 struct MedianRange {
     int count = 0;
     Real T = 1;                                     // behind all of them
-    Real from = Real(3e38), to = Real(-3e38);       // where their profiles begin and end
-    Real first = 0, weight = 0, sum = 0, sum2 = 0;  // moments by blending's weights
+    Real from = Real(3e38), to = Real(-3e38);       // bounds of their profiles
+    Real first = 0, weight = 0, sum = 0, sum2 = 0;  // moments by blending weights
 
     TVSGS_HD bool complete() const {
         return T < Real(kDepthTransmittance) || count == kDepthSplats;
     }
 
-    /// The next splat of the list; of alpha 0 it changes nothing. False if it has no part.
+    /// Adds the next splat of the list. Alpha 0 changes nothing. Returns false if the splat does
+    /// not count.
     TVSGS_HD bool add(Real alpha, const RayPoint<Real>& point) {
         if (!(alpha > 0) || complete()) return false;
         const Real reach = Real(kProfileReach) * point.deviation;
@@ -78,18 +80,19 @@ struct MedianRange {
     }
 };
 
-/// Looks for the depth at which T^2, which falls along the ray, is a quarter. The caller computes
-/// it at all points at once, as walking a list is what costs.
+/// Search for the depth at which T^2 is a quarter; T^2 falls along the ray. The caller evaluates
+/// all points at once, because walking the list is the expensive part.
 template <class Real>
 struct MedianSearch {
     static constexpr int kPoints = 8;
-    static constexpr int kMostTurns = 24;  // each leaves 0.4 of the range at most
+    static constexpr int kMostTurns = 24;  // each leaves at most 0.4 of the range
 
-    Real low = 0, high = 0;        // the median is between these
-    Real at_low = 1, at_high = 1;  // T^2 there
+    Real low = 0, high = 0;        // bounds of the median
+    Real at_low = 1, at_high = 1;  // T^2 at the bounds
     Real points[kPoints] = {};
 
-    /// False if there is no median. Most are a little in front of the weights' mean.
+    /// Returns false if there is no median. Most medians lie slightly in front of the weights'
+    /// mean.
     TVSGS_HD bool start(const MedianRange<Real>& range) {
         if (!(range.T <= Real(0.5)) || !(range.to > 0)) return false;
         low = range.from > 0 ? range.from : Real(0), high = range.to, at_high = range.T * range.T;
@@ -102,7 +105,7 @@ struct MedianSearch {
         return true;
     }
 
-    /// By T^2 at the points, which are moved on.
+    /// Narrows the bounds by T^2 at the points and sets new points.
     TVSGS_HD void narrow(const Real (&square)[kPoints]) {
         for (int k = 0; k < kPoints; ++k) {
             const bool inside = !(points[k] <= low) && points[k] < high;
@@ -110,7 +113,8 @@ struct MedianSearch {
             if (inside && above) low = points[k], at_low = square[k];
             if (inside && !above) high = points[k], at_high = square[k];
         }
-        // Close to where an even fall of ln T would have it, and some away.
+        // Points around the place where a uniform fall of ln T predicts the median, and two far
+        // ones.
         const Real width = high - low, fall = std::log(at_low / at_high),
                    share = std::log(at_low / Real(kMedianSquare)) / fall;
         constexpr float kSteps[kPoints - 2] = {-0.15f, -0.04f, -0.01f, 0.01f, 0.04f, 0.15f};
@@ -119,23 +123,23 @@ struct MedianSearch {
         points[kPoints - 1] = low + Real(0.7) * width;
     }
 
-    /// T changes by 0.2 % at most, or depth by next to nothing.
+    /// True if T changes by at most 0.2 % between the bounds, or depth by almost nothing.
     TVSGS_HD bool done() const {
         return high - low <= Real(1e-6) * high || at_low <= Real(1.004) * at_high;
     }
-    /// Not where half of the light is taken before depth 0.
+    /// False if half of the light is absorbed before depth 0.
     TVSGS_HD bool found() const { return done() && low > 0; }
 
-    /// On the straight line between the two.
+    /// Linear interpolation between the bounds.
     TVSGS_HD Real median() const {
         const Real share = (at_low - Real(kMedianSquare)) / (at_low - at_high);
         return low + share * (high - low);
     }
-    /// Of ln T between them.
+    /// d ln T / dt between the bounds.
     TVSGS_HD Real slope() const { return Real(0.5) * std::log(at_high / at_low) / (high - low); }
 };
 
-/// Runs the turns; look(points, squares) computes T^2. False if there is no median.
+/// Runs the search; look(points, squares) must compute T^2. Returns false if there is no median.
 template <class Real, class Look>
 TVSGS_HD bool find_median(const MedianRange<Real>& range,
                           const Look& look,
@@ -149,8 +153,8 @@ TVSGS_HD bool find_median(const MedianRange<Real>& range,
     return search.found();
 }
 
-/// dL/d(ln T at the median), of all splats together; slope: d ln T / dt, below 0. Where that is
-/// next to nothing the median has no derivative.
+/// dL/d(ln T at the median) of all splats together. slope: d ln T / dt, negative. Zero if the slope
+/// is almost 0: then the median has no derivative.
 template <class Real>
 TVSGS_HD Real median_vjp(Real depth, Real slope, Real dL_ddepth) {
     return slope * depth < Real(-1e-6) ? -dL_ddepth / slope : Real(0);

@@ -1,19 +1,19 @@
-// Normals from depth maps by central differences.  [PGSR, Section 3.2]; one kernel for all
-// backbones
+// Normals of depth maps by central differences, for all backbones.  [PGSR, Section 3.2]
 #pragma once
 
 #include "core/math/vec.h"
 
 namespace tvsgs {
 
+/// A normal with the differences that define it.
 template <class Real>
 struct DepthNormal {
     Vec3<Real> a, b;    // horizontal and vertical differences of the points
     Vec3<Real> normal;  // a x b / |a x b|
 };
 
-/// From the points seen by the left, right, upper and lower neighbours; a fronto-parallel wall
-/// gives (0, 0, -1).
+/// Computes the normal from the points of the left, right, upper and lower neighbour pixels. A
+/// fronto-parallel wall gives (0, 0, -1).
 template <class Real>
 TVSGS_HD DepthNormal<Real> depth_normal(Vec3<Real> left,
                                         Vec3<Real> right,

@@ -6,10 +6,10 @@ namespace {
 
 using namespace blend_detail;
 
-constexpr int kBlocks = 768;  // each with scratch of its own, through tile after tile
+constexpr int kBlocks = 768;  // each has its own scratch and processes several tiles
 constexpr int kTilePixels = kThreads * kPixels;
 
-/// The scratch of a lane's pixel: neighbours' crossings side by side.
+/// Scratch of a lane's pixel. Crossings of neighbouring pixels are adjacent.
 struct LaneCrossings {
     Crossing* first;
     __device__ LaneCrossings(Span<Crossing> all, int k)
@@ -18,7 +18,8 @@ struct LaneCrossings {
     __device__ Crossing& operator[](int i) const { return first[i * kTilePixels]; }
 };
 
-/// One walk over the list notes what has a part at each pixel; the rest is the pixels' own.
+/// Walks the list once and stores the splats that count for each pixel; then each pixel searches
+/// its median.
 __device__ void find_tile_medians(const MedianView& in,
                                   unsigned tile,
                                   const LaneCrossings (&crossings)[kPixels],
@@ -72,11 +73,11 @@ __device__ void find_tile_medians(const MedianView& in,
         in.slope[at] = found ? search.slope() : 0;
         in.median_stops[at] = found ? last[k] : 0;
     }
-    __syncwarp();  // before the next tile's batches
+    __syncwarp();  // before the batches of the next tile
 }
 
 __global__ void __launch_bounds__(kThreads) median_kernel(MedianView in, Span<Crossing> all) {
-    // As bytes: a splat's shape has a constructor, and this needs none.
+    // Bytes, because a splat's shape has a constructor and shared memory must not.
     __shared__ alignas(16) unsigned char batches[kWarps][sizeof(Batch<RayDepthModel>)];
     auto& batch = *reinterpret_cast<Batch<RayDepthModel>*>(batches[threadIdx.x / 32]);
     const LaneCrossings crossings[kPixels] = {{all, 0}, {all, 1}};

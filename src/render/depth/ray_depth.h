@@ -1,5 +1,5 @@
-// Depth along rays: the mean of where a pixel's ray meets the splats that it blends, or the median
-// by transmittance; each a pass of its own over the lists that blending drew.
+// Depth along rays: mean or median of the splats that a pixel blends. Each is a separate pass over
+// the lists that blending used.
 #pragma once
 
 #include "render/depth/median_math.h"
@@ -10,7 +10,8 @@
 
 namespace tvsgs {
 
-/// Profiles of the splats in view; a pass of its own, so that renders without them skip it.
+/// Computes the profiles of the splats in view. A separate pass, so that renders without depth
+/// along rays skip it.
 struct RayProfileBody {
     Pinhole<float> camera;
     Span<const Vec3f> means, log_scales;
@@ -27,7 +28,7 @@ struct RayProfileBody {
 };
 
 /// Gradients of a splat by a depth along rays, summed over pixels; those of alpha as in
-/// SplatGradients. In whole 16-byte words.
+/// SplatGradients. Padded to 16-byte words.
 struct alignas(16) RayDepthGradients {
     Vec2f mean;
     Sym2f spread;
@@ -40,7 +41,7 @@ struct alignas(16) RayDepthGradients {
 template <class Device>
 using RayDepthFragments = FragmentGradients<Device, RayDepthGradients>;
 
-/// What the models of both depths share. They see a splat where blending drew it.
+/// Common part of both depth models. A splat counts where blending drew it.
 struct RayDepthModel {
     using Shape = SplatShape<float>;
     using Features = RayProfile<float>;
@@ -48,7 +49,7 @@ struct RayDepthModel {
 
     struct Hit {
         float gauss, alpha;
-        Vec2f whitened, offset;  // offset: from the mean to the pixel; 0 where alpha is
+        Vec2f whitened, offset;  // offset: from the mean to the pixel; 0 if alpha is 0
     };
 
     TVSGS_HD static Vec2f offset(const Shape& s, Vec2f pixel) {
@@ -66,7 +67,7 @@ struct RayDepthModel {
     TVSGS_HD static constexpr int filled(int v) { return v; }
 };
 
-/// Mean depth: sum w t / sum w over what is blended; 0 where that is next to nothing.
+/// Mean depth: sum w t / sum w over the blended splats; 0 if the sum of weights is almost 0.
 struct MeanDepthModel : RayDepthModel {
     struct PixelForward {
         float T = 1, sum = 0;
@@ -119,14 +120,14 @@ struct MeanDepthModel : RayDepthModel {
     }
 };
 
-/// The way back from the median depth; the way there is find_medians(). `stops` are those of
+/// Backward pass of the median depth; find_medians() is its forward pass. It uses the stops of
 /// MedianView.
 struct MedianDepthModel : RayDepthModel {
     struct PixelGradient {
-        float light = 0, depth = 0;  // dL/d(ln T at the median), and the median
+        float light = 0, depth = 0;  // dL/d(ln T at the median); the median
     };
     struct PixelBackward {
-        float T;  // of no account here
+        float T;  // not used here
         PixelGradient by;
     };
 
@@ -149,8 +150,8 @@ struct MedianDepthModel : RayDepthModel {
     }
 };
 
-/// Median depths of a view, from the transmittance and the stops that blending wrote, all [H W].
-/// Which splats have a part: kDepthTransmittance.
+/// Arguments and results of find_medians(), all [H W]. kDepthTransmittance defines the splats that
+/// count.
 struct MedianView {
     Span<const SplatShape<float>> shapes;
     Span<const RayProfile<float>> profiles;
@@ -159,21 +160,21 @@ struct MedianView {
     TileGrid grid;
     Span<const float> transmittance;
     Span<const std::uint32_t> stops;
-    // Overwritten; 0 where there is no median.
+    // Overwritten; 0 if there is no median.
     Span<float> depth, slope;          // slope: of ln T, per unit of depth
-    Span<std::uint32_t> median_stops;  // behind the last splat in the list that has a part
+    Span<std::uint32_t> median_stops;  // position after the last splat that counts
 };
 
-/// A splat with a part in a pixel's depth.
+/// A splat that counts for a pixel's depth.
 struct Crossing {
     float alpha, depth, inverse;  // as in RayPoint
 };
 
-/// `crossings`: scratch, resized as the device needs it.
+/// Finds the median depths of a view. `crossings`: scratch, resized as needed.
 void find_medians(Cpu, const MedianView& view, Buffer<Crossing, Cpu>& crossings);
 void find_medians(Cuda, const MedianView& view, Buffer<Crossing, Cuda>& crossings);
 
-/// T^2 at the points of a search, of splats that crossing(i) gives.
+/// Computes T^2 at the points of a search. crossing(i) returns splat i.
 template <class CrossingAt>
 TVSGS_HD void look_along(int count,
                          const CrossingAt& crossing,

@@ -1,6 +1,6 @@
-// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbone `ewa`. Plane channels are
-// rendered where losses or callers ask for depth or normals; depth is the plane's, or one along
-// rays.
+// The backbone `ewa`: EWA splatting of 3D Gaussians, with PGSR's plane channels. It renders plane
+// channels only for requests of depth or normals. Depth is that of the blended plane, or a depth
+// along rays.
 #pragma once
 
 #include "render/tiles/blend_work.h"
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// Turns derivatives by depth into those of the blended plane.
+/// Converts derivatives by depth to derivatives by the blended plane.
 struct PlaneOfDepthBody {
     Camera camera;
     Span<const Vec3f> normal;
@@ -154,7 +154,7 @@ private:
         if constexpr (has_ray(kChannels)) clock("depth", [&] { find_ray_depth(g); });
     }
 
-    /// Overwrites the planes' depth.
+    /// Overwrites the depth of the planes.
     void find_ray_depth(const Gaussians<Device>& g) {
         const std::size_t pixels = images_.depth.size();
         RayDepth& r = ray_depth_;
@@ -205,9 +205,9 @@ private:
         Buffer<std::uint32_t, Device> stops;         // [H W] of the mean or of the median
         Buffer<float, Device> slope;                 // [H W] see MedianView
         Buffer<Crossing, Device> crossings;          // scratch
-        RayDepthFragments<Device> fragments;         // none where depth has no gradient
+        RayDepthFragments<Device> fragments;         // empty if depth has no gradient
     } ray_depth_;
-    Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives
+    Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, if depth has derivatives
     Buffer<float, Device> plane_distance_;
 };
 

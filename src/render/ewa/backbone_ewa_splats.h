@@ -1,5 +1,5 @@
-// The splats of one view of the backbone `ewa`, one at a time on both devices: to the image, and
-// from what they add up there to their parameters.
+// Splats of one view of the backbone `ewa`, for both devices: projection to the image, and
+// gradients of the parameters from their sums over pixels.
 #pragma once
 
 #include "render/depth/ray_depth.h"
@@ -9,6 +9,7 @@
 
 namespace tvsgs {
 
+/// Projection of splats; see splat_places.h.
 template <Channels kChannels>
 struct ProjectBody {
     ViewParameters view;
@@ -36,7 +37,7 @@ struct ProjectBody {
     }
     TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
     TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
-        SplatShape<float>& shape = shapes[at];  // as a whole nvcc copies it byte by byte
+        SplatShape<float>& shape = shapes[at];  // nvcc would copy it byte by byte
         shape.mean = f.e.shape.mean, shape.root = f.e.shape.root;
         shape.opacity = f.e.shape.opacity, shape.reach = f.e.shape.reach;
         depths[at] = f.p.z;
@@ -51,7 +52,7 @@ struct ProjectBody {
     }
 };
 
-/// From the sums of each splat to its parameters.
+/// Gradients of the parameters from the sums of each splat.
 template <Channels kChannels>
 struct EwaVjp {
     static constexpr bool kColor = has_color(kChannels);
@@ -60,7 +61,7 @@ struct EwaVjp {
     Span<const SplatShape<float>> shapes;
     Span<const FeatureRecord> features;
     SplatSums<SplatGradients<float>> sums;
-    // As those of `sums`; none where depth along rays has no gradient.
+    // As in `sums`; empty if depth along rays has no gradient.
     Span<const RayDepthGradients> ray_fragments;
     Span<const std::uint8_t> ray_drawn;
 
@@ -72,7 +73,7 @@ struct EwaVjp {
         SplatGradients<float> g;
         std::uint32_t at = 0;
         if (!finish(i, at, g)) return false;
-        Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
+        Vec3f dL_dmean{};  // SH first: it needs most registers
         if constexpr (kColor)
             dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
                                            features[at].f.color, g.features.color, visit);
@@ -119,14 +120,14 @@ struct EwaVjp {
     }
 
 private:
-    /// Null if depth says nothing of the Gaussian there, which drew something.
+    /// Null if the Gaussian, which drew something, has no gradient from depth.
     TVSGS_HD const RayDepthGradients* ray_gradients(std::uint32_t at) const {
         const std::uint32_t first = sums.first_fragment[at];
         return ray_fragments.empty() || !ray_drawn[first] ? nullptr : &ray_fragments[first];
     }
 
-    /// Completes the sums of Gaussian i and writes its statistics, those of absolute values without
-    /// depth along rays; `at`: its place. False if it drew nothing: `g` is then unchanged.
+    /// Completes the sums of Gaussian i and writes its statistics; absolute values ignore depth
+    /// along rays. `at`: its place. Returns false and leaves `g` unchanged if it drew nothing.
     TVSGS_HD bool finish(int i, std::uint32_t& at, SplatGradients<float>& g) const {
         const SplatGradients<float>* const blended = sums.find(i, at);
         if (blended == nullptr) {

@@ -1,4 +1,4 @@
-// Ellipses with colours and PGSR's planes as blending takes them.
+// Blending model of ellipses with colours and PGSR's planes.
 #pragma once
 
 #include "render/backbone.h"
@@ -7,7 +7,7 @@
 
 namespace tvsgs {
 
-/// In whole 16-byte words.
+/// Padded to 16-byte words.
 struct alignas(16) FeatureRecord {
     SplatFeatures<float> f;
 };
@@ -17,8 +17,8 @@ using EwaSplats = ViewSplats<Device, SplatShape<float>, FeatureRecord>;
 template <class Device>
 using EwaFragmentGradients = FragmentGradients<Device, SplatGradients<float>>;
 
-/// Writes the images of the channel set, background black. Depth only with plane channels, along
-/// the rays of `camera`.
+/// Writes the images of the channel set with a black background. Writes depth only with plane
+/// channels, along the rays of `camera`.
 template <Channels kChannels>
 struct PixelWriter {
     Span<Vec3f> color, normal;
@@ -47,7 +47,7 @@ struct PixelWriter {
     }
 };
 
-/// Reads the gradients of a pixel's channels; missing ones are zero.
+/// Reads the gradients of a pixel's channels. Missing gradients are zero.
 template <Channels kChannels>
 struct PixelGradientReader {
     Span<const Vec3f> color, normal;
@@ -67,8 +67,8 @@ struct PixelGradientReader {
     TVSGS_HD float behind(int at) const { return transmittance.empty() ? 0 : transmittance[at]; }
 };
 
-// Defined in blend_ewa_packs.h. Declared here, so that a .cpp file that compiles blending of
-// ellipses without that header fails to compile, rather than blending pixel by pixel.
+// Defined in blend_ewa_packs.h. The declaration makes a .cpp file that forgets that header fail to
+// compile; otherwise it would blend pixel by pixel.
 template <>
 struct MeetTiles<SplatShape<float>>;
 template <Channels kChannels>
@@ -76,6 +76,7 @@ struct EwaForwardPacks;
 template <Channels kChannels>
 struct EwaBackwardPacks;
 
+/// Blending model of one channel set; see blend.h.
 template <Channels kChannels>
 struct EwaModel {
     using Shape = SplatShape<float>;
@@ -94,7 +95,7 @@ struct EwaModel {
         Vec2f whitened;
     };
 
-    /// From a pixel centre to the mean.
+    /// Vector from a pixel centre to the mean.
     TVSGS_HD static Vec2f offset(const Shape& s, Vec2f pixel) {
         return {s.mean.x - pixel.x, s.mean.y - pixel.y};
     }

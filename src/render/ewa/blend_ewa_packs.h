@@ -1,5 +1,5 @@
-// EWA on a CPU, a few neighbouring pixels or tiles at a time: where blend_math.h branches, here are
-// both ways and a choice. Results do not depend on the packs' width.
+// EWA blending on a CPU with packs of neighbouring pixels or tiles. Where blend_math.h branches,
+// packs compute both sides and select. Results do not depend on the width of the packs.
 #pragma once
 
 #include <bit>
@@ -10,7 +10,7 @@
 
 namespace tvsgs {
 
-/// Every entry the same.
+/// Copies the splat to every entry of a pack.
 template <class Lane>
 SplatShape<Lane> broadcast(const SplatShape<float>& s) {
     return {{s.mean.x, s.mean.y}, {s.root.xx, s.root.xy, s.root.yy}, s.opacity, s.reach};
@@ -20,17 +20,17 @@ SplatFeatures<Lane> broadcast(const SplatFeatures<float>& f) {
     return {{f.color.x, f.color.y, f.color.z}, {f.normal.x, f.normal.y, f.normal.z}, f.distance};
 }
 
-/// Calls visit(k) for the bits that are set, from the lowest.
+/// Calls visit(k) for each set bit k, from the lowest.
 template <class Visit>
 void for_bits(std::uint64_t bits, const Visit& visit) {
     for (; bits != 0; bits &= bits - 1) visit(std::countr_zero(bits));
 }
 
-/// What splat_alpha() needs of a splat that is the same all along a row of a tile, or down a part.
+/// Parts of splat_alpha() that are constant along a row of a tile, or down a column of packs.
 template <class Lane>
 struct SplatInTile {
     static constexpr int kParts = kTileSize / Lane::kSize;
-    std::uint64_t met;                                      // packs that it may draw in
+    std::uint64_t met;                                      // packs in which it may draw
     Lane along[kParts];                                     // xx dx, so that w.x = xy dy + xx dx
     alignas(Lane) float lean[kTileSize];                    // xy dy
     alignas(Lane) float down[kTileSize], down2[kTileSize];  // w.y and its square
@@ -41,7 +41,8 @@ struct SplatInTile {
     }
 };
 
-/// The pixels of a tile as packs of neighbours in a row; pack part * kTileSize + row.
+/// The pixels of a tile as packs of neighbours in a row. The index of a pack is part * kTileSize +
+/// row.
 template <class Lane>
 struct TilePixels {
     static constexpr int kSize = Lane::kSize, kParts = kTileSize / kSize,
@@ -49,7 +50,7 @@ struct TilePixels {
 
     Lane x[kParts];                        // pixel centres
     Lane rows_y[kParts];                   // of kSize rows each
-    Lane first_x[kParts], last_x[kParts];  // of each part, every entry the same
+    Lane first_x[kParts], last_x[kParts];  // of each part, in every entry
 
     TilePixels(int left_px, int top_px) {
         float columns[kTileSize], rows[kTileSize];
@@ -64,8 +65,8 @@ struct TilePixels {
         }
     }
 
-    /// A row of pixel centres crosses the ellipse where alpha is kMinAlpha or more between two
-    /// points; rounding may only take them too far apart.
+    /// Computes the packs in which a splat may draw. On a row of pixel centres, alpha is at least
+    /// kMinAlpha between two points; rounding can only move these points outwards.
     void place(const SplatShape<float>& splat, SplatInTile<Lane>& out) const {
         const auto s = broadcast<Lane>(splat);
         const Lane inverse = 1 / s.root.xx;
@@ -78,7 +79,7 @@ struct TilePixels {
             const Lane down = s.root.yy * dy, lean = s.root.xy * dy, down2 = down * down;
             lean.store(&out.lean[group * kSize]);
             down.store(&out.down[group * kSize]), down2.store(&out.down2[group * kSize]);
-            // Above the ellipse and below it this is NaN, and no comparison holds.
+            // NaN above and below the ellipse, where all comparisons are false.
             const Lane half = sqrt(reach - down2) * inverse, shift = lean * inverse;
             const Lane wide = half + (slack + 1e-5f * (half + abs(shift)));
             const Lane centre = s.mean.x + shift, low = centre - wide, high = centre + wide;
@@ -91,8 +92,8 @@ struct TilePixels {
     }
 };
 
-/// A few splats of a tile, and the packs in which they may draw: their alphas are computed one
-/// after the other, without a branch between them.
+/// Several splats of a tile and the packs in which they may draw. Their alphas are computed in one
+/// loop without branches.
 template <class Lane>
 struct SplatBatch {
     using Pixels = TilePixels<Lane>;
@@ -103,18 +104,18 @@ struct SplatBatch {
     struct Pair {
         std::uint16_t splat, pack;
     };
-    SplatInTile<Lane> splats[kSplats + 1] = {};  // the last: of no splat
+    SplatInTile<Lane> splats[kSplats + 1] = {};  // the last is an empty splat
     float opacities[kSplats + 1] = {};
-    Pair pairs[kMost];            // by splat; behind them some of no splat
-    std::uint32_t ends[kSplats];  // of each splat's pairs
-    Lane gauss[kMost];            // of the pairs; 0 where the splat does not draw
+    Pair pairs[kMost];            // by splat, then padding with the empty splat
+    std::uint32_t ends[kSplats];  // end of each splat's pairs
+    Lane gauss[kMost];            // of the pairs; 0 if the splat does not draw
 
     void place(std::uint32_t j, const SplatShape<float>& shape, const Pixels& pixels) {
         pixels.place(shape, splats[j]);
         opacities[j] = shape.opacity;
     }
 
-    /// For splats that are placed, in packs that are open. As splat_alpha() of blend_math.h.
+    /// Computes `gauss` of the placed splats in the open packs, like splat_alpha() in blend_math.h.
     void compute(std::uint32_t splat_count, std::uint64_t open) {
         std::uint32_t count = 0;
         for (std::uint32_t j = 0; j < splat_count; ++j) {
@@ -140,7 +141,7 @@ struct SplatBatch {
     }
 };
 
-/// As in blend_math.h.
+/// Like count_front() in blend_math.h.
 template <int kBytes>
 void count_front(Pack<float, kBytes>& pixels, Pack<float, kBytes> T, Pack<float, kBytes> alpha) {
     using Lane = Pack<float, kBytes>;
@@ -185,7 +186,7 @@ private:
         tiles.resize(count);
     }
 
-    /// Tests a few tiles at a time, in two rows where they are short. Returns the new count.
+    /// Tests several tiles at once, in two rows if rows are short. Returns the new count.
     template <class Lane>
     std::size_t append_splat(const SplatShape<float>& shape,
                              TileRect rect,
@@ -219,7 +220,7 @@ private:
 
 namespace detail {
 
-/// Calls visit(x, y, pack, entry) for the tile's pixels in the image.
+/// Calls visit(x, y, pack, entry) for the tile's pixels inside the image.
 template <class Lane, class Visit>
 void for_pixels(const TileBounds& t, const Visit& visit) {
     for (int y = t.top; y < t.bottom; ++y)
@@ -251,10 +252,10 @@ struct EwaForwardPacks : TilesForward<EwaModel<kChannels>> {
         const Pixels tile_pixels(t.left, t.top);
         const TileSpan span = spans[static_cast<std::size_t>(tile)];
         const std::uint32_t length = span.end - span.begin;
-        PixelForward<Lane> pixels[Pixels::kCount];  // a full pixel goes on with T = 0
-        Lane last_T[Pixels::kCount];                // of full ones
-        unsigned open_in[Pixels::kCount] = {};      // pixels of each pack that are not full
-        std::uint64_t open = 0;                     // packs with such
+        PixelForward<Lane> pixels[Pixels::kCount];  // full pixels continue with T = 0
+        Lane last_T[Pixels::kCount];                // of full pixels
+        unsigned open_in[Pixels::kCount] = {};      // bits of the pixels that are not full
+        std::uint64_t open = 0;                     // packs with open pixels
         for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
             open_in[k] |= 1u << entry;
             open |= bit(k, true);
@@ -314,9 +315,9 @@ struct EwaForwardPacks : TilesForward<EwaModel<kChannels>> {
     }
 };
 
-/// The values of a SplatGradients, each kept by column of pixels, in the order of the members.
+/// The values of a SplatGradients by column of pixels, in the order of the members.
 struct LaneSums {
-    static constexpr int kLanes = 8;  // columns x = lane, modulo this
+    static constexpr int kLanes = 8;  // columns with equal x modulo kLanes
     static constexpr int kCount = SplatGradients<float>::kCount;
     alignas(32) float lanes[kCount][kLanes];
 
@@ -331,7 +332,7 @@ struct LaneSums {
         put(g.front_pixels);
     }
 
-    /// Sums of the lanes, always in the same order; four values at a time.
+    /// Sums over the lanes in a fixed order, four values at a time.
     void add_up(SplatGradients<float>& out) const {
         using Four = Pack<float>;
         using Pick = Four::Ints;
@@ -366,7 +367,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
         using detail::bit, detail::for_pixels;
         using Pixels = TilePixels<Lane>;
         constexpr int kPasses =
-            LaneSums::kLanes / Lane::kSize;  // each through every kPasses-th part
+            LaneSums::kLanes / Lane::kSize;  // each handles every kPasses-th part
         const TileBounds t = tile_bounds(grid, tile);
         const Pixels tile_pixels(t.left, t.top);
         PixelBackward<Lane> pixels[Pixels::kCount] = {};
@@ -383,7 +384,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
         const TileSpan span = spans[static_cast<std::size_t>(tile)];
         for (std::uint32_t end = last; end > 0;) {
             const std::uint32_t count = std::min(batch.kSplats, end), begin = end - count;
-            // From the last one on.
+            // From the last splat on.
             const std::uint32_t *const first = &splats[span.begin + end - 1],
                                        *const first_fragment = &fragments[span.begin + end - 1];
             for (std::uint32_t j = 0; j < count; ++j) {
@@ -392,7 +393,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
                 __builtin_prefetch(&gradients[*(first_fragment - j)], 1);
                 __builtin_prefetch(&shapes[splats[span.begin + std::max(begin, j + 1) - 1 - j]]);
             }
-            std::uint64_t open = 0;  // packs with pixels that these may draw in
+            std::uint64_t open = 0;  // packs whose pixels these splats may draw
             for (int k = 0; k < Pixels::kCount; ++k) open |= bit(k, last_of[k] > begin);
             batch.compute(count, open);
             for (std::uint32_t i = 0, j = 0; j < count; ++j) {

@@ -1,5 +1,4 @@
-// From a Gaussian in the world to an ellipse in the image, one element at a time.  [Kerbl23,
-// Section 4], EWA splatting
+// Projection of one Gaussian to an ellipse in the image (EWA splatting).  [Kerbl23, Section 4]
 #pragma once
 
 #include "core/math/fast_math.h"
@@ -13,11 +12,11 @@ struct Pinhole {
     Rigid3<Real> camera_from_world;
     Real fx, fy, cx, cy;  // px, pixel centres at +0.5
     Real u_min, u_max, v_min,
-        v_max;  // X/Z and Y/Z are clamped to these where the Jacobian is formed
+        v_max;  // range to which the Jacobian clamps X/Z and Y/Z
 };
 
-/// The clamp leaves 30 % of half the field of view beyond each image edge: +-1.3 tan(fov/2) when
-/// the principal point is the image centre.
+/// The clamp allows 30 % of half the field of view beyond each image edge: +-1.3 tan(fov/2) if the
+/// principal point is the image centre.
 template <class Real>
 TVSGS_HD Pinhole<Real> pinhole(const Camera& c) {
     const Real fx = c.fx_px, fy = c.fy_px, cx = c.cx_px, cy = c.cy_px;
@@ -34,7 +33,7 @@ TVSGS_HD Pinhole<Real> pinhole(const Camera& c) {
             (height - cy) / fy + margin_v};
 }
 
-/// Of rotation(normalize(quat)) with respect to the stored quat, the normalisation included.
+/// Derivative of rotation(normalize(quat)) by the stored quat, including the normalisation.
 template <class Real>
 TVSGS_HD Quat<Real> rotation_vjp(Quat<Real> stored, const Mat3<Real>& dL_dR) {
     const Quat<Real> q = normalize(stored);
@@ -50,14 +49,13 @@ TVSGS_HD Quat<Real> rotation_vjp(Quat<Real> stored, const Mat3<Real>& dL_dR) {
              2 * z * (G[0][0] + G[1][1]))};
     const Real length = std::sqrt(stored.w * stored.w + stored.x * stored.x + stored.y * stored.y +
                                   stored.z * stored.z);
-    if (!(length > Real(1e-12)))
-        return {0, 0, 0, 0};  // a zero quaternion has no direction to change
+    if (!(length > Real(1e-12))) return {0, 0, 0, 0};  // a zero quaternion has no direction
     const Real along = g.w * w + g.x * x + g.y * y + g.z * z;
     return {(g.w - along * w) / length, (g.x - along * x) / length, (g.y - along * y) / length,
             (g.z - along * z) / length};
 }
 
-/// The 2x3 matrix J R_cw, J the Jacobian of the perspective projection at the (clamped) centre.
+/// The 2x3 matrix J R_cw; J is the Jacobian of the perspective projection at the (clamped) centre.
 template <class Real>
 struct ProjectionJacobian {
     Real m[2][3];
@@ -85,22 +83,22 @@ TVSGS_HD ProjectionJacobian<Real> projection_jacobian(const Pinhole<Real>& camer
     return T;
 }
 
-/// px, corner convention.
+/// Projected point in px; (0, 0) is the image corner.
 template <class Real>
 TVSGS_HD Vec2<Real> project_point(const Pinhole<Real>& camera, Vec3<Real> mean_camera) {
     return {camera.fx * mean_camera.x / mean_camera.z + camera.cx,
             camera.fy * mean_camera.y / mean_camera.z + camera.cy};
 }
 
-/// Of project_point and projection_jacobian together, with respect to the centre in the camera
-/// frame. Where the Jacobian's u or v is clamped the derivative along z is that of unclamped ones,
-/// twice the exact one, as in the official code.
+/// Derivative of project_point() and projection_jacobian() by the centre in the camera frame. If u
+/// or v of the Jacobian is clamped, the derivative along z is that of the unclamped value, twice
+/// the exact one, as in the official code.
 template <class Real>
 TVSGS_HD Vec3<Real> projection_vjp(const Pinhole<Real>& camera,
                                    Vec3<Real> mean_camera,
                                    Vec2<Real> dL_dmean2d,
                                    const ProjectionJacobian<Real>& dL_dT) {
-    // T = J R: back to the four entries of J.
+    // T = J R: derivatives of the four entries of J.
     const Mat3<Real>& R = camera.camera_from_world.R;
     const auto by_row = [&](int of_T, int of_R) {
         const Real *a = dL_dT.m[of_T], *b = R[of_R];
@@ -119,30 +117,30 @@ TVSGS_HD Vec3<Real> projection_vjp(const Pinhole<Real>& camera,
     g.z = -camera.fx * inv_z2 * dL_dj00 - camera.fy * inv_z2 * dL_dj11 +
           2 * camera.fx * u * inv_z2 * dL_dj02 + 2 * camera.fy * v * inv_z2 * dL_dj12;
 
-    // The projected centre, from unclamped ratios.
+    // Adds the derivative of the projected centre, with unclamped ratios.
     g.x += camera.fx * inv_z * dL_dmean2d.x;
     g.y += camera.fy * inv_z * dL_dmean2d.y;
     g.z -= inv_z * (camera.fx * u_free * dL_dmean2d.x + camera.fy * v_free * dL_dmean2d.y);
     return g;
 }
 
-/// A splat's covariance in the image, px^2, low-pass included, and its determinant.
+/// Covariance of a splat in the image, px^2, including the low-pass, and its determinant.
 template <class Real>
 struct ImageEllipse {
     Sym2<Real> covariance;
     Real det;
 };
 
-/// Where T takes a vector of the world.
+/// T applied to a world vector.
 template <class Real>
 TVSGS_HD Vec2<Real> in_image(const ProjectionJacobian<Real>& T, Vec3<Real> v) {
     return {T.m[0][0] * v.x + T.m[0][1] * v.y + T.m[0][2] * v.z,
             T.m[1][0] * v.x + T.m[1][1] * v.y + T.m[1][2] * v.z};
 }
 
-/// T Sigma T^T with Sigma = R diag(s^2) R^T [Kerbl23, Eq. 6], from the splat's axes in the image:
-/// its determinant is a sum of squares, of their areas and lengths (Cauchy-Binet). As a difference
-/// of products it would be worth nothing for needles: see docs/develop/stability.md.
+/// T Sigma T^T with Sigma = R diag(s^2) R^T [Kerbl23, Eq. 6], from the splat's axes in the image.
+/// Its determinant is a sum of squares of the axes' areas and lengths (Cauchy-Binet); a difference
+/// of products would lose all digits for needles: see docs/develop/stability.md.
 ///   R: world_from_gaussian;  s: standard deviations, world units
 template <class Real>
 TVSGS_HD ImageEllipse<Real> image_ellipse(const ProjectionJacobian<Real>& T,
@@ -163,15 +161,15 @@ TVSGS_HD ImageEllipse<Real> image_ellipse(const ProjectionJacobian<Real>& T,
     return e;
 }
 
-/// Upper triangular root R of half the inverse of a 2D covariance: a splat's Gaussian at `offset`
-/// from its mean is exp(-|R offset|^2). Unlike the inverse itself it loses nothing to cancellation
-/// where splats are needles.
+/// Upper triangular root R of half the inverse of a 2D covariance: the Gaussian of a splat at
+/// `offset` from its mean is exp(-|R offset|^2). The root keeps its precision for needles; the
+/// inverse covariance loses it by cancellation.
 template <class Real>
 struct EllipseRoot {
     Real xx{}, xy{}, yy{};
 };
 
-/// `det` is the covariance's determinant, positive.
+/// `det`: determinant of the covariance, positive.
 template <class Real>
 TVSGS_HD EllipseRoot<Real> ellipse_root(const Sym2<Real>& covariance2d, Real det) {
     const Real xx = std::sqrt(Real(0.5) * covariance2d.yy / det);
@@ -183,7 +181,7 @@ TVSGS_HD EllipseRoot<Real> ellipse_root(const ImageEllipse<Real>& e) {
     return ellipse_root(e.covariance, e.det);
 }
 
-/// w = root offset; the exponent is |w|^2.
+/// w = root * offset; the exponent is |w|^2.
 template <class Real>
 TVSGS_HD Vec2<Real> whitened(const EllipseRoot<Real>& root, Vec2<Real> offset) {
     return {multiply_add(root.xy, offset.y, root.xx * offset.x), root.yy * offset.y};
@@ -196,10 +194,10 @@ struct EllipseGradients {
     Vec3<Real> dL_dlog_s;
 };
 
-/// Of the Gaussian at fixed offsets, through image_ellipse and ellipse_root. W is the sum of
-/// -dL/dexponent w w^T over these offsets. All is taken back in the whitened space, b_k = root a_k:
-/// dL/da_k = 4 root^T W b_k. Through sums of offset offset^T and the covariance's entries, needles
-/// would lose all digits.
+/// Derivative of the Gaussian at fixed offsets through image_ellipse() and ellipse_root(). W is the
+/// sum of -dL/dexponent w w^T over the offsets. Works in the whitened space, b_k = root a_k:
+/// dL/da_k = 4 root^T W b_k. Sums of offset offset^T and the covariance's entries would lose all
+/// digits for needles.
 template <class Real>
 TVSGS_HD EllipseGradients<Real> image_ellipse_vjp(const ProjectionJacobian<Real>& T,
                                                   const Mat3<Real>& R,
@@ -221,22 +219,22 @@ TVSGS_HD EllipseGradients<Real> image_ellipse_vjp(const ProjectionJacobian<Real>
     return g;
 }
 
-/// The plane a flat Gaussian stands for, in the camera frame.  [PGSR], n points to the camera,
-/// distance = -n.p >= 0
+/// Plane of a flat Gaussian in the camera frame: n points to the camera, distance = -n.p >= 0.
+/// [PGSR]
 template <class Real>
 struct CameraPlane {
     Vec3<Real> normal;
     Real distance;
 };
 
-/// First index of the smallest entry.
+/// Index of the smallest entry, the first if equal.
 template <class Real>
 TVSGS_HD int smallest_axis(Vec3<Real> s) {
     const int k = s.y < s.x ? 1 : 0;
     return s.z < s[k] ? 2 : k;
 }
 
-/// Column of a matrix by selection: a kernel then needs no copy of it in memory.
+/// Selects a column of a matrix, so that a kernel needs no copy of the matrix in memory.
 template <class Real>
 TVSGS_HD Vec3<Real> selected_column(const Mat3<Real>& M, int axis) {
     const auto pick = [axis](const Real* row) {
@@ -245,11 +243,13 @@ TVSGS_HD Vec3<Real> selected_column(const Mat3<Real>& M, int axis) {
     return {pick(M[0]), pick(M[1]), pick(M[2])};
 }
 
+/// Sign that turns an axis towards the camera.
 template <class Real>
 TVSGS_HD Real plane_sign(Vec3<Real> axis_camera, Vec3<Real> mean_camera) {
     return dot(axis_camera, mean_camera) > 0 ? Real(-1) : Real(1);
 }
 
+/// The plane of a Gaussian whose thin axis is column `axis` of R.
 template <class Real>
 TVSGS_HD CameraPlane<Real> camera_plane(const Mat3<Real>& R_cw,
                                         const Mat3<Real>& R,

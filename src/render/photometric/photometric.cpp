@@ -1,5 +1,5 @@
-// CPU twin: windows by rows, packs of neighbouring numbers at a time. Colours lie next to each
-// other as floats, so the neighbour of a number is three further on.
+// CPU version: windows row by row, with packs of neighbouring numbers. Colours are adjacent floats,
+// so the same channel of the next pixel is three numbers further.
 #include "render/photometric/photometric.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace tvsgs {
 
-/// As detail::magnitude() and detail::sign() for single numbers.
+/// Like detail::magnitude() and detail::sign() for packs.
 template <int kBytes>
 Pack<float, kBytes> magnitude(Pack<float, kBytes> x) {
     return abs(x);
@@ -23,7 +23,7 @@ Pack<float, kBytes> sign(Pack<float, kBytes> x) {
 
 namespace {
 
-constexpr int kReach = 3 * kSsimRadius;  // zeros before a row and behind it
+constexpr int kReach = 3 * kSsimRadius;  // zeros before and after a row
 
 template <class Lane>
 Lane load(const float* from) {
@@ -40,8 +40,7 @@ void store(Pack<float, kBytes> value, float* to) {
     value.store(to);
 }
 
-/// Calls visit.operator()<Lane>(i) for packs of the numbers of a row, then <float> for what is left
-/// of it.
+/// Calls visit.operator()<Lane>(i) for packs of the numbers of a row, then <float> for the rest.
 template <class Lane, class Visit>
 void for_packs(int numbers, const Visit& visit) {
     int i = 0;
@@ -49,7 +48,7 @@ void for_packs(int numbers, const Visit& visit) {
     for (; i < numbers; ++i) visit.template operator()<float>(i);
 }
 
-/// The two passes for one row. `columns`: room for kMoments vertical window sums of the row, with
+/// The two passes for one row. `columns`: memory for kMoments vertical window sums of the row, with
 /// zeros around them, and for its shares of the loss.
 struct PhotometricRow {
     int width, height;
@@ -77,7 +76,7 @@ private:
         return static_cast<std::size_t>(y) * static_cast<std::size_t>(numbers());
     }
 
-    /// Calls visit(weight, first number) for the rows of y's window; outside of the image all is 0.
+    /// Calls visit(weight, first number) for the rows of y's window. Rows outside the image are 0.
     template <class Visit>
     void window(int y, const Visit& visit) const {
         const int low = std::max(0, y - kSsimRadius), high = std::min(height - 1, y + kSsimRadius);

@@ -1,22 +1,22 @@
-// Windows are sums along rows, then along columns, in tiles that lie in shared memory with their
-// margin. What bounds them is reading that memory, so each thread makes several neighbouring sums
-// of one row or column from values that it reads once.
+// CUDA version: window sums along rows, then along columns, on tiles with a margin in shared
+// memory. The reads of shared memory limit the speed, so each thread computes several neighbouring
+// sums of one row or column from values that it reads once.
 #include "core/device/parallel.h"
 #include "render/photometric/photometric.h"
 
 namespace tvsgs {
 namespace {
 
-constexpr int kThreads = 128, kBlocks = 8;  // of a multiprocessor at least
+constexpr int kThreads = 128, kBlocks = 8;  // at least, per multiprocessor
 constexpr int kTaps = 2 * kSsimRadius + 1;
 constexpr int kWidth = 32, kHeight = 16;  // px of a block
-constexpr int kAcross = 4, kDown = 4;     // sums that a thread makes
+constexpr int kAcross = 4, kDown = 4;     // sums per thread
 constexpr int kMarginWidth = kWidth + kTaps - 1, kMarginHeight = kHeight + kTaps - 1;
-constexpr int kLoads = (kMarginWidth * kMarginHeight + kThreads - 1) / kThreads;  // of a thread
+constexpr int kLoads = (kMarginWidth * kMarginHeight + kThreads - 1) / kThreads;  // per thread
 static_assert(kWidth * kHeight == kThreads * kDown);
 
-/// Values of the block's pixels and their margin, kIn per pixel. The odd pitch spreads what a warp
-/// reads over all banks.
+/// Values of the block's pixels and their margin, kIn per pixel. The odd pitch spreads the reads of
+/// a warp over all banks.
 template <int kIn>
 using Tile = float[kIn][kMarginHeight][kMarginWidth + 1];
 
@@ -24,7 +24,7 @@ using Tile = float[kIn][kMarginHeight][kMarginWidth + 1];
 template <int kMaps>
 using Rows = float[kMaps][kMarginHeight][kWidth + 1];
 
-/// The block's tile, zero outside of the image; load(pixel, values) gives one pixel's.
+/// Loads the block's tile, zero outside the image; load(pixel, values) reads one pixel.
 template <int kIn, class Load>
 __device__ void fill(Tile<kIn>& tile, int width, int height, const Load& load) {
 #pragma unroll 3
@@ -40,7 +40,7 @@ __device__ void fill(Tile<kIn>& tile, int width, int height, const Load& load) {
     }
 }
 
-/// All sums along rows; maps(values, m) makes the values of the maps from those of a pixel.
+/// Computes all sums along rows; maps(values, m) computes the maps of a pixel from its values.
 template <int kIn, int kMaps, class Maps>
 __device__ void sum_rows(const Tile<kIn>& tile, Rows<kMaps>& rows, const Maps& maps) {
     constexpr int kGroups = kWidth / kAcross;
@@ -69,7 +69,7 @@ __device__ void sum_rows(const Tile<kIn>& tile, Rows<kMaps>& rows, const Maps& m
     }
 }
 
-/// The thread's pixels: one below the other.
+/// The thread's pixels, one below the other.
 struct Column {
     int x, first;  // in the block
     __device__ Column()
@@ -105,7 +105,7 @@ __device__ void sum_columns(const Rows<kMaps>& rows,
     }
 }
 
-/// The photograph as numbers from 0 to 1.
+/// A value of the photograph from 0 to 1.
 __device__ float photo_value(const std::uint8_t* photo, int pixel, int channel) {
     return static_cast<float>(photo[3 * pixel + channel]) / 255;
 }
@@ -115,7 +115,7 @@ struct DerivativePlanes {
     float *dx, *dxx, *dxy;
 };
 
-/// Writes the shares of the loss, and the derivatives of each channel c at c x pixels.
+/// Writes the shares of the loss, and the derivatives of channel c at c * pixels.
 __global__ void __launch_bounds__(kThreads, kBlocks) moments_kernel(Span<const Vec3f> color,
                                                                     const std::uint8_t* photo,
                                                                     int width,

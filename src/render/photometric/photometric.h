@@ -1,4 +1,5 @@
-// L1 + SSIM of a render against a photograph, value and gradient in one go.  [Kerbl23, Eq. 7]
+// Photometric loss: L1 + SSIM of a render against a photograph, value and gradient.  [Kerbl23, Eq.
+// 7]
 #pragma once
 
 #include "core/device/buffer.h"
@@ -7,20 +8,21 @@
 
 namespace tvsgs {
 
+/// Weights of the two parts of the loss.
 struct PhotometricWeights {
     float l1, ssim;  // L = l1 * mean |x - y| + ssim * (1 - SSIM); means over pixels and channels
 };
 
-/// Scratch of one device, kept between calls.
+/// Scratch memory, kept between calls.
 template <class Device>
 struct PhotometricScratch {
     Buffer<Vec3f, Device> dS_dx, dS_dxx,
-        dS_dxy;                   // [H W] derivatives with respect to the windowed moments
+        dS_dxy;                   // [H W] derivatives by the windowed moments
     Buffer<float, Device> photo;  // [H W 3] 0 to 1; CPU only
 };
 
-/// Adds dL/dcolor to `dL_dcolor` [H W] and writes each pixel's share of L to `pixel_loss` [H W], so
-/// that their sum is L.
+/// Adds dL/dcolor to `dL_dcolor` [H W]. Writes each pixel's share of L to `pixel_loss` [H W]; their
+/// sum is L.
 ///   color   rendered [H W], not clamped;   photo   [H W 3], 0 to 255
 void photometric_loss(Span<const Vec3f> color,
                       Span<const std::uint8_t> photo,
@@ -55,13 +57,13 @@ TVSGS_HD inline float sign(float x) {
     return x > 0 ? 1.0f : x < 0 ? -1.0f : 0.0f;
 }
 
-/// Share of the loss of one number x of the render, y of the photograph.
+/// Share of the loss of one number: x of the render, y of the photograph.
 template <class Real>
 TVSGS_HD Real loss_share(Real x, Real y, Real ssim, PhotometricWeights weights, float per_value) {
     return per_value * (weights.l1 * magnitude(x - y) + weights.ssim * (1 - ssim));
 }
 
-/// dL/dx of one number from the windowed derivative sums.
+/// dL/dx of one number from the windowed sums of derivatives.
 template <class Real>
 TVSGS_HD Real loss_derivative(Real x,
                               Real y,

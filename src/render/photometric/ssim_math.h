@@ -1,5 +1,5 @@
-// SSIM of one pixel from the windowed moments of two images x and y.  [Wang04], window and
-// constants as in 3DGS
+// SSIM of one pixel from windowed moments of two images x and y.  [Wang04]; window and constants as
+// in 3DGS
 #pragma once
 
 #include "core/device/device.h"
@@ -8,7 +8,7 @@ namespace tvsgs {
 
 inline constexpr int kSsimRadius = 5;  // 11 taps, sigma 1.5, zero padding
 
-/// Weight of the tap at distance |offset| <= kSsimRadius; the eleven weights add up to 1.
+/// Weight of the tap at distance |offset| <= kSsimRadius. The eleven weights sum to 1.
 template <class Real>
 TVSGS_HD constexpr Real ssim_weight(int offset) {
     constexpr double w[kSsimRadius + 1] = {0.26601172486179436,  0.2130055377112537,
@@ -23,9 +23,10 @@ struct SsimMoments {
     Real x{}, y{}, xx{}, yy{}, xy{};
 };
 
+/// SSIM of a pixel and its derivatives.
 template <class Real>
 struct SsimTerms {
-    Real ssim, dS_dx, dS_dxx, dS_dxy;  // derivatives with respect to the moments that hold x
+    Real ssim, dS_dx, dS_dxx, dS_dxy;  // derivatives by the moments that contain x
 };
 
 template <class Real>

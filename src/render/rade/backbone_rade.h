@@ -1,5 +1,5 @@
-// Ellipses whose distance slopes across the image as their density does, under a smoothing filter:
-// the backbone `rade`.  [RaDe-GS], filter: [Yu24]
+// The backbone `rade`: ellipses with a sloping distance, and a smoothing filter.  [RaDe-GS],
+// filter: [Yu24]
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace tvsgs {
 
-/// The depth of each splat in the nearest view that has it, 0 where none has.
+/// Writes the depth of each splat in the nearest view that contains it; 0 if none does.
 struct NearestDepthBody {
     Span<const Pinhole<float>> cameras;
     float near;
@@ -28,7 +28,7 @@ struct NearestDepthBody {
     }
 };
 
-/// Depths to filters.
+/// Converts depths to filters.
 struct SmoothingFilterBody {
     float unseen_depth, longest_fx;
     Span<float> filter;
@@ -48,8 +48,8 @@ public:
         return Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage;
     }
 
-    /// The filter is computed at first and where splats have come and gone, and now and then once
-    /// growth has ended, at the published iterations whatever the length of the run.
+    /// Computes the filter at the beginning, after splats were added or removed, and every 100
+    /// steps after growth has ended, at the published iterations for any length of the run.
     void prepare(int step,
                  bool changed,
                  const std::vector<Camera>& cameras,
@@ -84,7 +84,7 @@ public:
                  tile_grid(camera.width_px, camera.height_px),
                  sh_degree < g.sh_degree ? sh_degree : g.sh_degree,
                  options_.near,
-                 /*low_pass=*/0};  // the filter stands in for it
+                 /*low_pass=*/0};  // the filter replaces it
         resize_images(camera);
         const auto project = [&](auto& to) {
             return ProjectRadeBody{view_,
@@ -165,7 +165,7 @@ private:
     ViewParameters view_{};
     Buffer<Pinhole<float>, Device> cameras_;  // of the last prepare() that needed them
     ViewSplats<Device, SplatShape<float>, RadeRecord> splats_;
-    Buffer<float, Device> normal_length_;  // [H W] before it was normalised
+    Buffer<float, Device> normal_length_;  // [H W] before normalisation
     FragmentGradients<Device, RadeGradients<float>> fragments_;
 };
 

@@ -1,5 +1,5 @@
-// The splats of one view of the backbone `rade`, one at a time on both devices: to the image, and
-// from what they add up there to their parameters.  [RaDe-GS], filter: [Yu24]
+// Splats of one view of the backbone `rade`, for both devices: projection to the image, and
+// gradients of the parameters from their sums over pixels.  [RaDe-GS], filter: [Yu24]
 #pragma once
 
 #include "core/math/smoothing_filter.h"
@@ -10,14 +10,15 @@
 
 namespace tvsgs {
 
-/// Splat i under its filter, none where these are empty.
+/// Splat i under its smoothing filter. An empty `filter` changes nothing.
 TVSGS_HD inline SmoothedSplat<float> smoothed_at(Span<const float> filter, int i, Vec3f log_scale) {
     return smoothed(log_scale, filter.empty() ? 0.0f : filter[i]);
 }
 
-/// Below this determinant in the image, px^4, the official code draws nothing.
+/// The official code draws nothing below this determinant in the image, px^4.
 inline constexpr float kLeastRadeDet = 1e-6f;
 
+/// Projection of splats; see splat_places.h.
 struct ProjectRadeBody {
     ViewParameters view;
     bool maps;
@@ -52,7 +53,7 @@ struct ProjectRadeBody {
         depths[at] = f.p.z;
         rects[at] = f.e.rect;
         RadeRecord& out = features[at];
-        out.f.color = {};  // a render without colours blends it, too
+        out.f.color = {};  // a render without colours also blends it
         if (!maps) return;
         const Mat3f& to_camera = view.camera.camera_from_world.R;
         const auto plane = rade_plane(view.camera, {to_camera * f.R, f.smooth.scales}, f.p);
@@ -61,7 +62,7 @@ struct ProjectRadeBody {
     }
 };
 
-/// From the sums of each splat to its parameters.
+/// Gradients of the parameters from the sums of each splat.
 template <bool kMaps, bool kColor_>
 struct RadeVjp {
     static constexpr bool kColor = kColor_;
@@ -117,8 +118,8 @@ struct RadeVjp {
     }
 
 private:
-    /// Completes the sums of Gaussian i and writes its statistics; `at`: its place. False if it
-    /// drew nothing.
+    /// Completes the sums of Gaussian i and writes its statistics. `at`: its place. Returns false
+    /// if it drew nothing.
     TVSGS_HD bool finish(int i, std::uint32_t& at, RadeGradients<float>& all) const {
         const RadeGradients<float>* const blended = sums.find(i, at);
         if (blended == nullptr) {

@@ -1,4 +1,4 @@
-// Ellipses with colours, normals and sloping distances as blending takes them.
+// Blending model of ellipses with colours, normals and sloping distances.
 #pragma once
 
 #include "render/backbone.h"
@@ -7,35 +7,37 @@
 
 namespace tvsgs {
 
-/// Features with the distance at the mean, and how it changes; in whole 16-byte words.
+/// Features with the distance at the mean and its slope. Padded to 16-byte words.
 struct alignas(16) RadeRecord {
     SplatFeatures<float> f;
     Vec2f slope;  // world units per px, as in RadePlane
 };
 
-/// Sums of one splat over pixels, in whole 16-byte words.
+/// Sums of one splat over pixels. Padded to 16-byte words.
 template <class Real>
 struct alignas(16) RadeGradients {
-    SplatGradients<Real> of;  // before complete(); `features.distance`: by that at the mean
+    SplatGradients<Real> of;  // before complete(); features.distance: by the distance at the mean
     Vec2<Real> slope;
     Vec2<Real> unused;
 
     static constexpr int kCount = 20;
 };
 
+/// State of a pixel in the forward pass.
 template <class Real>
 struct RadePixel : PixelForward<Real> {
-    Real median = 0;  // distance of the last splat in front of which more than half gets through
+    Real median = 0;  // distance of the last splat that more than half of the light reaches
 };
 
-/// dL/d of a pixel's sums, and what of it the way back needs.
+/// dL/d of a pixel's sums, and values that the backward pass needs.
 template <class Real>
 struct RadePixelGradient {
-    SplatFeatures<Real> by{};  // `by.distance`: of the sum divided by the weights'
+    SplatFeatures<Real> by{};  // by.distance: of the sum divided by the sum of weights
     Real mean = 0;             // that quotient
     Real median = 0;
 };
 
+/// State of a pixel in the backward pass.
 template <class Real>
 struct RadePixelBackward {
     Real T;  // behind the next splat to visit
@@ -44,7 +46,7 @@ struct RadePixelBackward {
     bool had_median = false;
 };
 
-/// As the blend() that it calls. `d`: mean minus pixel centre.
+/// Like the blend() that it calls. `d`: mean minus pixel centre.
 template <class Real>
 TVSGS_HD bool blend(
     RadePixel<Real>& pixel, Real alpha, Vec2<Real> d, SplatFeatures<Real> f, Vec2<Real> slope) {
@@ -55,8 +57,8 @@ TVSGS_HD bool blend(
     return fits;
 }
 
-/// As the blend_vjp() that it calls. The mean's divisor, the sum of all weights, counts as one more
-/// feature, 1 for each splat: dL/dweight then goes by the distance from the mean.
+/// Like the blend_vjp() that it calls. The divisor of the mean, the sum of all weights, counts as
+/// another feature that is 1 for each splat. So dL/dweight depends on the distance from the mean.
 template <class Real>
 TVSGS_HD void blend_vjp(RadePixelBackward<Real>& pixel,
                         const EllipseRoot<Real>& root,
@@ -78,8 +80,8 @@ TVSGS_HD void blend_vjp(RadePixelBackward<Real>& pixel,
     g.slope += (a.alpha * pixel.T * pixel.by.by.distance + by_median) * d;
 }
 
-/// Distances blended at a pixel as depths along the axis: their mean by weight, and the median. 0:
-/// nothing is drawn there, or the slope of a splat has left the front of the camera.
+/// Blended distances of a pixel as depths along the axis: the mean by weight, and the median. 0 if
+/// nothing is drawn, or if the slope of a splat leads behind the camera.
 template <class Real>
 struct RadeDepths {
     Real expected, median;
@@ -93,7 +95,7 @@ TVSGS_HD RadeDepths<Real> rade_depths(const RadePixel<Real>& pixel, Real ray_len
     return {mean > 0 ? mean : 0, median > 0 ? median : 0};
 }
 
-/// What a view is drawn with: colours alone, or all maps.
+/// Blending model for colours only, or for all maps.
 template <bool kMaps>
 struct RadeModel {
     using Shape = SplatShape<float>;
@@ -112,7 +114,7 @@ struct RadeModel {
         Camera camera;
         Span<Vec3f> color, normal;
         Span<float> transmittance, depth, expected_depth, normal_length;
-        bool median;  // is the depth of the surface; else the mean
+        bool median;  // depth is the median, else the mean
 
         TVSGS_HD void operator()(int x, int y, const PixelForward& pixel) const {
             const int at = y * camera.width_px + x;
@@ -162,7 +164,7 @@ struct RadeModel {
             return dL_dtransmittance.empty() ? 0 : dL_dtransmittance[at];
         }
     };
-    static constexpr float kLeastNormal = 1e-12f;  // as normalize() has it
+    static constexpr float kLeastNormal = 1e-12f;  // as in normalize()
 
     TVSGS_HD static Vec2f offset(const Shape& s, Vec2f pixel) {
         return {s.mean.x - pixel.x, s.mean.y - pixel.y};
@@ -199,7 +201,7 @@ struct RadeModel {
             to.f.color = from.f.color;
     }
 
-    static constexpr int kColored = 11;  // up to the colour
+    static constexpr int kColored = 11;  // values up to the colour
     static constexpr int kFilled = kMaps ? 18 : kColored + 1;
     TVSGS_HD static constexpr int filled(int v) {
         return kMaps || v < kColored ? v : SplatGradients<float>::kCount - 1;  // front_pixels

@@ -1,23 +1,22 @@
-// Where the rays of a pixel find most of a 3D Gaussian: its plane and normal in closed form, the
-// way back, and the filter that keeps splats as coarse as the photographs, one element at a time.
-// [RaDe-GS], filter: [Yu24]
+// Plane and normal of a 3D Gaussian where a bundle of rays finds it densest, their derivatives, and
+// the smoothing filter of one splat.  [RaDe-GS], filter: [Yu24]
 #pragma once
 
 #include "render/ewa/projection_math.h"
 
 namespace tvsgs {
 
-/// Under the local affine approximation of the projection, the densest points along the rays of a
-/// bundle of pixels lie on a plane through the centre. Distances are from the camera's centre, not
-/// along its axis.
+/// Plane of a splat: under the local affine approximation of the projection, the densest points
+/// along the rays of a bundle of pixels lie on a plane through the centre. Distances are from the
+/// camera's centre, not along its axis.
 template <class Real>
 struct RadePlane {
-    Vec3<Real> normal;  // unit, camera frame, towards the camera; 0: edge on, there is none
-    Vec2<Real> slope;   // of the distance, world units per px: times the mean minus the pixel
+    Vec3<Real> normal;  // unit, camera frame, towards the camera; 0: edge on, no normal
+    Vec2<Real> slope;   // of the distance, world units per px; multiply by (mean - pixel)
     Real distance;      // of the centre, world units
 };
 
-/// Standard deviations along the axes of a splat, and these in the camera's frame.
+/// Axes of a splat in the camera's frame, and standard deviations along them.
 template <class Real>
 struct RadeAxes {
     Mat3<Real> axes;    // columns, unit
@@ -26,18 +25,18 @@ struct RadeAxes {
 
 namespace rade_detail {
 
-/// What plane and vjp both go by.
+/// Values shared by the plane and its vjp.
 template <class Real>
 struct Bundle {
-    Real u, v, inverse_z;  // of the centre, clamped as for the projection's Jacobian
+    Real u, v, inverse_z;  // of the centre, clamped as in the projection's Jacobian
     bool u_clamped, v_clamped;
     Vec3<Real> h;         // the ray (u, v, 1)
-    Real h2, ray;         // |h|^2, and the length of the ray as far as the centre's depth
+    Real h2, ray;         // |h|^2; length of the ray to the centre's depth
     Vec3<Real> weights;   // of the axes: precisions, the largest is 1
     Vec3<Real> along;     // e_k . h
     Vec3<Real> m;         // the precision matrix times h
     Real m_norm, facing;  // |m|, m . h
-    bool flat_on;         // else the splat is edge on, and the rest says nothing
+    bool flat_on;         // else the splat is edge on and the other members are not valid
 };
 
 template <class Real>
@@ -68,7 +67,7 @@ TVSGS_HD Bundle<Real> bundle(const Pinhole<Real>& camera,
 
 }  // namespace rade_detail
 
-/// `p`: the centre in the camera's frame, p.z > 0.
+/// `p`: centre in the camera's frame, p.z > 0.
 template <class Real>
 TVSGS_HD RadePlane<Real> rade_plane(const Pinhole<Real>& camera,
                                     const RadeAxes<Real>& splat,
@@ -113,7 +112,7 @@ TVSGS_HD RadePlaneGradients<Real> rade_plane_vjp(const Pinhole<Real>& camera,
         for (int r = 0; r < 3; ++r) g.dL_daxes[r][k] = by_e[r];
         by_h += w * e_m * e;
     }
-    // The ray's length is z |h|: through it, too, u and v move with the centre unless clamped.
+    // The ray's length z |h| also depends on u and v, which move with the centre unless clamped.
     const Real by_ray = dot(a, mh - b.h / b.h2) / b.ray;
     const Real root = std::sqrt(b.h2);
     const Real by_u = b.u_clamped ? 0 : by_h.x + by_ray * p.z * b.u / root,
@@ -123,8 +122,8 @@ TVSGS_HD RadePlaneGradients<Real> rade_plane_vjp(const Pinhole<Real>& camera,
     return g;
 }
 
-/// z of a point where a camera has it before it and within 15 % of the image's size around the
-/// image; else 0. That is where the projection's Jacobian is not clamped.
+/// z of a point in front of a camera and within 15 % of the image's size around the image; else 0.
+/// There the projection's Jacobian is not clamped.
 template <class Real>
 TVSGS_HD Real depth_in_view(const Pinhole<Real>& camera, Real near, Vec3<Real> world) {
     const Vec3<Real> p = camera.camera_from_world * world;
@@ -134,8 +133,8 @@ TVSGS_HD Real depth_in_view(const Pinhole<Real>& camera, Real near, Vec3<Real> w
     return seen ? p.z : Real(0);
 }
 
-/// Standard deviation of the smoothing filter, world units: the root of 0.2 pixels at the depth of
-/// the nearest view.
+/// Standard deviation of the smoothing filter, world units: the square root of 0.2 pixels at the
+/// depth of the nearest view.
 template <class Real>
 TVSGS_HD Real filter_of(Real nearest_depth, Real longest_fx) {
     return std::sqrt(Real(0.2)) * nearest_depth / longest_fx;

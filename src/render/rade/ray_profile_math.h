@@ -1,9 +1,9 @@
-// A splat along the rays of a view: where on a ray it is densest, and how wide it is there.
+// Profile of a splat along the rays of a view: the densest point on a ray and the width there.
 //
-// On the ray t r, r = (x, y, 1) in the camera's frame, a splat of mean m and inverse covariance P
-// is a Gaussian of t: 1/s^2 = r.P r and t_i = (r.P m) / (r.P r). P is never formed, as flat splats
-// would take all digits of the rest with them. With r = rho + e, rho the ray through the mean m = z
-// rho:
+// On the ray t r, r = (x, y, 1) in the camera's frame, a splat with mean m and inverse covariance P
+// is a Gaussian of t: 1/s^2 = r.P r and t_i = (r.P m) / (r.P r). The code never forms P, because
+// the thin axis of a flat splat would take all digits. With r = rho + e and rho the ray through the
+// mean, m = z rho:
 //
 //     t_i = z (1 - (r.P e) / (r.P r)),   |N r|^2 = r.P r,   N the triangular root of P
 #pragma once
@@ -12,22 +12,22 @@
 
 namespace tvsgs {
 
-/// Scales below this share of the splat's depth count as that: numbers of single precision tell
-/// depths apart only well above 1e-7 of them.
+/// Scales below this share of the splat's depth are raised to it: single precision only separates
+/// depths well above 1e-7 of the depth.
 inline constexpr float kLeastThickness = 3e-5f;
 
-/// In whole 16-byte words. N takes an offset of e px from the mean's projection, and the ray
-/// through the mean, to (xx e.x + xy e.y, yy e.y, 0) and (x0, y0, z0); lengths in deviations of the
+/// Padded to 16-byte words. N maps an offset of e px from the mean's projection to (xx e.x + xy
+/// e.y, yy e.y, 0), and the ray through the mean to (x0, y0, z0). Lengths are in deviations of the
 /// splat per unit of depth.
 template <class Real>
 struct alignas(16) RayProfile {
     Real xx, xy, yy;
     Real x0, y0, z0;
     Real depth;  // of the mean
-    Real shift;  // from a pixel's centre to where its ray passes, px, along both axes
+    Real shift;  // from a pixel's centre to its ray, px, along both axes
 };
 
-/// Standard deviations as profiles have them.
+/// Standard deviations with the lower limit of profiles.
 template <class Real>
 TVSGS_HD Vec3<Real> thickened(Vec3<Real> scales, Real depth) {
     const Real least = Real(kLeastThickness) * depth;
@@ -36,15 +36,15 @@ TVSGS_HD Vec3<Real> thickened(Vec3<Real> scales, Real depth) {
     return scales;
 }
 
-/// `p`: the mean in the camera's frame, p.z > 0.  R: world_from_gaussian.  The entries are lengths,
-/// areas and products of the columns of diag(1/s) R^T; areas come from the splat's axes, as
-/// (B p) x (B q) = det(B) B^-T (p x q), and so without differences.
+/// `p`: mean in the camera's frame, p.z > 0.  R: world_from_gaussian.  The entries are lengths,
+/// areas and products of the columns of diag(1/s) R^T. Areas come from the splat's axes without
+/// differences: (B p) x (B q) = det(B) B^-T (p x q).
 template <class Real>
 TVSGS_HD RayProfile<Real> ray_profile(
     const Pinhole<Real>& camera, const Mat3<Real>& R, Vec3<Real> scales, Vec3<Real> p, Real shift) {
     const Vec3<Real> s = thickened(scales, p.z), ray = p / p.z;
     const Mat3<Real> axes = camera.camera_from_world.R * R;  // columns
-    Vec3<Real> by_x, by_ray, area_xy, area_xr;               // N e_x, N rho, and areas over det
+    Vec3<Real> by_x, by_ray, area_xy, area_xr;               // N e_x, N rho, and areas / det
     Real inner_xy = 0;
     for (int k = 0; k < 3; ++k) {
         const Vec3<Real> axis = column(axes, k);
@@ -66,13 +66,13 @@ TVSGS_HD RayProfile<Real> ray_profile(
 /// A splat on one ray.
 template <class Real>
 struct RayPoint {
-    Real depth;               // t_i, where it is densest
+    Real depth;               // t_i, the densest point
     Real deviation, inverse;  // s and 1/s
     Real slip;                // 1 - t_i / z
 };
 
-/// `pixel`: from the mean's projection to the centre of the ray's pixel, px. Nothing here can be
-/// fused by a compiler in two ways.
+/// `pixel`: from the mean's projection to the centre of the ray's pixel, px. The explicit
+/// multiply_add() leaves the compiler no choice in fusing.
 template <class Real>
 TVSGS_HD RayPoint<Real> ray_point(const RayProfile<Real>& p, Vec2<Real> pixel) {
     const Vec2<Real> offset{pixel.x + p.shift, pixel.y + p.shift};
@@ -90,12 +90,12 @@ template <class Real>
 struct RayProfileGradients {
     Real zz;        // rho rho^T
     Vec2<Real> z;   // (rho e^T + e rho^T) / 2
-    Sym2<Real> xy;  // e e^T, with both entries off the diagonal
+    Sym2<Real> xy;  // e e^T, with both off-diagonal entries
     Real mean;      // rho, times z
     Vec2<Real> mean_xy;
 };
 
-/// Adds one ray; dL_dsquare is by 1/s^2.
+/// Adds one ray. dL_dsquare is by 1/s^2.
 template <class Real>
 TVSGS_HD void ray_point_vjp(const RayProfile<Real>& p,
                             Vec2<Real> pixel,
@@ -123,7 +123,7 @@ struct RaySplatGradients {
     Vec3<Real> dL_dlog_s, dL_dp;
 };
 
-/// From the sums over rays to the arguments of ray_profile().
+/// Derivatives by the arguments of ray_profile() from the sums over rays.
 template <class Real>
 TVSGS_HD RaySplatGradients<Real> ray_profile_vjp(const Pinhole<Real>& camera,
                                                  const Mat3<Real>& R,
@@ -149,7 +149,7 @@ TVSGS_HD RaySplatGradients<Real> ray_profile_vjp(const Pinhole<Real>& camera,
         out.dL_dp += square * dot(axis, of_mean) * axis;
         const Real dL_dlog_s = -2 * dot(axis, by_P);
         if (s[k] > scales[k])
-            out.dL_dp.z += dL_dlog_s / p.z;  // as thick as its depth allows
+            out.dL_dp.z += dL_dlog_s / p.z;  // thickness limited by the depth
         else
             out.dL_dlog_s[k] = dL_dlog_s;
     }

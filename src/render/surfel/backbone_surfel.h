@@ -1,4 +1,4 @@
-// Surfels: flat splats whose plane each pixel's ray meets. The backbone `surfel`.  [2DGS]
+// The backbone `surfel`: flat splats, whose planes intersect the rays of the pixels.  [2DGS]
 #pragma once
 
 #include "render/tiles/blend_work.h"
@@ -7,9 +7,9 @@
 
 namespace tvsgs {
 
-/// The third scale says nothing here; whoever takes the smallest axis for the normal, as voting
-/// does, finds it thinner than the others.
-inline constexpr float kSurfelThickness = -6.9077554f;  // ln 0.001, of the smaller scale
+/// Surfels do not use the third scale. It is set below the others, for code that takes the smallest
+/// axis as the normal, such as voting.
+inline constexpr float kSurfelThickness = -6.9077554f;  // ln 0.001, relative to the smaller scale
 
 struct ThinBody {
     Span<Vec3f> log_scales;

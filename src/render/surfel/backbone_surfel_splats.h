@@ -1,5 +1,5 @@
-// The splats of one view of the backbone `surfel`, one at a time on both devices: to the image, and
-// from what they add up there to their parameters.  [2DGS]
+// Splats of one view of the backbone `surfel`, for both devices: projection to the image, and
+// gradients of the parameters from their sums over pixels.  [2DGS]
 #pragma once
 
 #include "render/surfel/blend_surfel.h"
@@ -8,6 +8,7 @@
 
 namespace tvsgs {
 
+/// Parameters of the view for the projection of a surfel.
 struct SurfelView {
     Pinhole<float> camera;
     Vec3f centre;  // of the camera, world
@@ -16,7 +17,7 @@ struct SurfelView {
     float near;
 };
 
-/// Of a splat, in the camera's frame. `sign`: of the normal, which looks at the camera; 0: edge on.
+/// A splat in the camera's frame. `sign`: turns the normal towards the camera; 0: edge on.
 struct SurfelPose {
     SurfelAxes<float> axes;
     Mat3f R;  // of the splat in the world
@@ -40,6 +41,7 @@ TVSGS_HD inline SurfelPose surfel_pose(const SurfelView& view,
     return pose;
 }
 
+/// Projection of splats; see splat_places.h.
 struct ProjectSurfelsBody {
     SurfelView view;
     Span<const Vec3f> means, log_scales;
@@ -82,11 +84,11 @@ struct ProjectSurfelsBody {
         rects[at] = found.rect;
         SurfelFeatures<float>& f = features[at].f;
         f.normal = found.pose.normal;
-        f.color = {};  // a render without colours blends it, too
+        f.color = {};  // a render without colours also blends it
     }
 };
 
-/// From the sums of each splat to its parameters. The third scale has no gradient.
+/// Gradients of the parameters from the sums of each splat. The third scale has no gradient.
 template <bool kMaps, bool kColor_>
 struct SurfelVjp {
     static constexpr bool kColor = kColor_;
@@ -140,8 +142,8 @@ struct SurfelVjp {
     }
 
 private:
-    /// The sums of Gaussian i, as they are and by its matrix; writes its statistics. `at`: its
-    /// place. False if it drew nothing.
+    /// Returns the sums of Gaussian i and their derivative by its matrix; writes its statistics.
+    /// `at`: its place. Returns false if it drew nothing.
     TVSGS_HD bool finish(int i,
                          std::uint32_t& at,
                          Gradients& g,
@@ -154,7 +156,7 @@ private:
         g = *blended;
         const SurfelShape<float> s = shapes[at];
         matrix = surfel_inverse_vjp(s, g.inverse);
-        // A surrogate for the derivative by the centre's place, of what the dot did not draw.
+        // Surrogate for the derivative by the centre's position, without the part drawn as a dot.
         const Vec2f by_place = per_ndc(view.grid, {matrix.row_x.z, matrix.row_y.z});
         const Vec2f by_ndc{by_place.x / s.inverse_depth, by_place.y / s.inverse_depth};
         sums.write(i, by_ndc, {std::abs(by_ndc.x), std::abs(by_ndc.y)}, g.front_pixels);

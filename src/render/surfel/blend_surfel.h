@@ -1,4 +1,4 @@
-// Surfels as blending takes them.
+// Blending model of surfels.
 #pragma once
 
 #include "render/backbone.h"
@@ -7,7 +7,7 @@
 
 namespace tvsgs {
 
-/// In whole 16-byte words.
+/// Padded to 16-byte words.
 struct alignas(16) SurfelRecord {
     SurfelFeatures<float> f;
 };
@@ -15,8 +15,8 @@ struct alignas(16) SurfelRecord {
 template <class Device>
 using Surfels = ViewSplats<Device, SurfelShape<float>, SurfelRecord>;
 
-/// What of the blended depths is the surface's: the mean of the weights, or the median. The surface
-/// is undefined (0) where nothing is drawn.
+/// Surface depth from the blended depths: the mean by weight, or the median. 0 (undefined) if
+/// nothing is drawn.
 template <class Real>
 TVSGS_HD Real surfel_depth(const SurfelPixel<Real>& pixel, bool median) {
     const Real coverage = 1 - pixel.T;
@@ -24,7 +24,7 @@ TVSGS_HD Real surfel_depth(const SurfelPixel<Real>& pixel, bool median) {
     return median ? pixel.median : pixel.z / coverage;
 }
 
-/// What a view is drawn with: colours alone, or all maps.
+/// Blending model for colours only, or for all maps.
 template <bool kMaps>
 struct SurfelModel {
     using Shape = SurfelShape<float>;
@@ -85,7 +85,7 @@ struct SurfelModel {
         }
     };
 
-    /// From the mean to a pixel centre.
+    /// Vector from the mean to a pixel centre.
     TVSGS_HD static Vec2f offset(const Shape& s, Vec2f pixel) { return pixel - s.mean; }
     TVSGS_HD static Hit hit(const Shape& s, Vec2f d) { return surfel_hit(s, d); }
     TVSGS_HD static bool blend(PixelForward& pixel, const Hit& hit, const Features& features) {

@@ -1,5 +1,5 @@
-// Flat splats in the image: where a pixel's ray meets the plane of one, what it adds there, and the
-// way back, one element at a time.  [2DGS, Sections 4 and 5]
+// One flat splat in the image: the point where a pixel's ray meets its plane, its contribution to
+// the pixel, and the derivatives.  [2DGS, Sections 4 and 5]
 #pragma once
 
 #include <type_traits>
@@ -9,36 +9,35 @@
 
 namespace tvsgs {
 
-/// The matrix that takes points of a surfel's plane, (u, v, 1) in standard deviations, to
-/// homogeneous pixels counted from the projected centre. The third entries of `row_x` and `row_y`
-/// are 0 there. Counted from the image's corner, rays far from it would leave a small splat no
-/// digits.
+/// Matrix that maps points of a surfel's plane, (u, v, 1) in standard deviations, to homogeneous
+/// pixels relative to the projected centre. So the third entries of `row_x` and `row_y` are 0.
+/// Relative to the image's corner, a small splat far from it would lose all digits.
 template <class Real>
 struct SurfelRows {
     Vec2<Real> row_x, row_y;  // px x world units
     Vec2<Real> row_z;         // world units
-    Real depth;               // of the centre, the third entry of the last row
+    Real depth;               // of the centre: the third entry of the last row
 };
 
-/// A surfel as it appears in a view: the inverse of its SurfelRows. What it takes a pixel to is
-/// (u, v, 1) over the depth there, which makes hits a few multiplications.
+/// A surfel in a view: the inverse of its SurfelRows. It maps a pixel to (u, v, 1) / depth, so a
+/// hit costs a few multiplications.
 template <class Real>
 struct alignas(16) SurfelShape {
     Vec2<Real> mean;          // px, the projected centre
-    Vec2<Real> row_u, row_v;  // per px and world unit; their third entries are 0
+    Vec2<Real> row_u, row_v;  // per px and world unit; the third entries are 0
     Vec2<Real> slope;         // of the inverse depth, per px and world unit
     Real inverse_depth;       // of the centre
     Real opacity;
-    Vec2<Real> low_pass;   // px from `mean`: where the splat is at least a blurred dot
-    Vec2<Real> low, high;  // px from `mean`: outside it draws nothing
+    Vec2<Real> low_pass;   // px from `mean`: centre of the low-pass dot
+    Vec2<Real> low, high;  // px from `mean`: it draws nothing outside
 };
 
-/// Bounds of alpha.
+/// Range of alpha.
 inline constexpr float kLeastSurfelAlpha = 1.0f / 255, kMostSurfelAlpha = 0.99f;
 
-/// A pixel's ray may meet a surfel at a depth that differs by this factor from the centre's, no
-/// more: beyond, the disc is seen on edge and there is but the dot. (The official code takes from
-/// 0.2 world units on, in scenes a few units deep.)
+/// Largest ratio of depths between the hit of a ray and the centre. Beyond it the disc is seen edge
+/// on, and only the dot is drawn. (The official code accepts depths from 0.2 world units on, in
+/// scenes a few units deep.)
 inline constexpr double kSurfelDepthRatio = 20;
 
 /// Axes of a surfel in the camera's frame, in standard deviations, and its centre.
@@ -47,11 +46,11 @@ struct SurfelAxes {
     Vec3<Real> a, b, centre;
 };
 
-/// Box of the ellipse `reach` standard deviations away, px from the projected centre.
+/// Bounding box of the ellipse at `reach` standard deviations, px from the projected centre.
 template <class Real>
 struct SurfelBox {
     Vec2<Real> centre, extent;
-    bool bounded;  // else the disc reaches the camera's plane, and the rest means nothing
+    bool bounded;  // else the disc reaches the camera's plane, and the box is not valid
 };
 template <class Real>
 TVSGS_HD SurfelBox<Real> surfel_box(const SurfelRows<Real>& s, Real reach) {
@@ -70,7 +69,7 @@ TVSGS_HD SurfelBox<Real> surfel_box(const SurfelRows<Real>& s, Real reach) {
     return box;
 }
 
-/// The official low-pass dot sits at the centre of the box of three standard deviations.
+/// As in the official code, the low-pass dot is centred in the box of three standard deviations.
 inline constexpr float kLowPassReach = 3;
 
 template <class Real>
@@ -83,7 +82,8 @@ TVSGS_HD SurfelRows<Real> surfel_rows(const Pinhole<Real>& camera, const SurfelA
             p.z};
 }
 
-/// False: the surfel is seen on edge, or so near to the camera's plane that its box is unbounded.
+/// Returns false if the surfel is seen edge on, or reaches the camera's plane so that its box is
+/// unbounded.
 template <class Real>
 TVSGS_HD bool surfel_shape(const Pinhole<Real>& camera,
                            const SurfelAxes<Real>& axes,
@@ -115,10 +115,10 @@ TVSGS_HD bool surfel_shape(const Pinhole<Real>& camera,
     return true;
 }
 
-/// As tiles.h asks for it: the boxes meet.
+/// Implements may_draw() of tiles.h by intersecting boxes.
 template <class Real>
 TVSGS_HD bool may_draw(const SurfelShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
-    const Real slack = Real(0.01);  // px: what rounding of the box may cost
+    const Real slack = Real(0.01);  // px, for rounding of the box
     return low.x <= s.mean.x + s.high.x + slack && high.x >= s.mean.x + s.low.x - slack &&
            low.y <= s.mean.y + s.high.y + slack && high.y >= s.mean.y + s.low.y - slack;
 }
@@ -126,15 +126,15 @@ TVSGS_HD bool may_draw(const SurfelShape<Real>& s, Vec2<Real> low, Vec2<Real> hi
 /// A surfel at a pixel.
 template <class Real>
 struct SurfelHit {
-    Real alpha = 0;  // 0: it does not draw there, and adds zeros
+    Real alpha = 0;  // 0: it does not draw there and adds zeros
     Real gauss = 0;
-    Real inverse = 1, z = 1;  // depth of where the ray meets the plane, world units
-    Vec2<Real> uv{};          // the same place on the plane, standard deviations
-    Vec2<Real> offset{};      // px, of the pixel centre from the mean
-    bool low_pass = false;    // it is drawn as the dot
+    Real inverse = 1, z = 1;  // depth of the intersection with the plane, world units
+    Vec2<Real> uv{};          // the intersection on the plane, standard deviations
+    Vec2<Real> offset{};      // px, pixel centre minus mean
+    bool low_pass = false;    // drawn as the dot
 };
 
-/// Forward and backward must decide alike, so both call this.
+/// Forward and backward call this function, so that they decide alike.
 template <class Real>
 TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d) {
     using std::abs;
@@ -157,22 +157,22 @@ TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d) {
     const Real gauss = FastMath::decay(Real(0.5) * (hit.low_pass ? by_dot : by_plane)),
                alpha = s.opacity * gauss;
     const bool draws = meets && alpha >= Real(kLeastSurfelAlpha);
-    if (draws) hit.uv = uv;  // else it may be infinite, and add no zeros
+    if (draws) hit.uv = uv;  // otherwise it may be infinite and not add zeros
     hit.gauss = draws ? gauss : 0;
     hit.alpha = !draws ? 0 : alpha < Real(kMostSurfelAlpha) ? alpha : Real(kMostSurfelAlpha);
     return hit;
 }
 
-/// dL/d of the inverse of SurfelRows with all its entries, and of the dot.
+/// dL/d of the inverse of SurfelRows with all entries, and of the dot.
 template <class Real>
 struct SurfelInverseGradient {
     Vec3<Real> row_u, row_v, row_w;
     Vec2<Real> low_pass;
 };
 
-/// Adds. A dot's depth tells of the centre's depth alone: on edge, where dots win, what it would
-/// tell of the tilt grows beyond all bounds. (The official code takes uv for a constant there.)
-/// `dL_ddepth`: of the centre.
+/// Adds the derivatives of a hit. `dL_ddepth`: by the depth of the centre. The depth of a dot
+/// depends only on the centre's depth: edge on, where the dot wins, the derivative by the tilt
+/// would grow without bound. (The official code treats uv as a constant there.)
 template <class Real>
 TVSGS_HD void surfel_hit_vjp(const SurfelShape<Real>& s,
                              const SurfelHit<Real>& hit,
@@ -180,7 +180,7 @@ TVSGS_HD void surfel_hit_vjp(const SurfelShape<Real>& s,
                              Real dL_dz,
                              SurfelInverseGradient<Real>& g,
                              Real& dL_ddepth) {
-    // No branches: pixels side by side differ.
+    // No branches, because neighbouring pixels differ.
     const Vec2<Real> d = hit.offset, uv = hit.uv;
     const Real slope = -hit.gauss * dL_dgauss, zero = 0, of_dot = hit.low_pass ? slope : zero,
                of_plane = hit.low_pass ? zero : slope, by_z = hit.low_pass ? zero : dL_dz;
@@ -193,13 +193,13 @@ TVSGS_HD void surfel_hit_vjp(const SurfelShape<Real>& s,
     g.row_w += {w * d.x, w * d.y, w};
 }
 
-/// dL/d of SurfelRows with all their entries.
+/// dL/d of SurfelRows with all entries.
 template <class Real>
 struct SurfelMatrixGradient {
     Vec3<Real> row_x, row_y, row_z;
 };
 
-/// Of the inverse of a matrix, P = T^-1: dL/dT = -P^T dL/dP P^T.
+/// Derivative through the matrix inverse, P = T^-1: dL/dT = -P^T dL/dP P^T.
 template <class Real>
 TVSGS_HD SurfelMatrixGradient<Real> surfel_inverse_vjp(const SurfelShape<Real>& s,
                                                        const SurfelInverseGradient<Real>& g) {
@@ -213,7 +213,7 @@ TVSGS_HD SurfelMatrixGradient<Real> surfel_inverse_vjp(const SurfelShape<Real>& 
             -(s.row_u.y * u + s.row_v.y * v + s.slope.y * w), -s.inverse_depth * w};
 }
 
-/// Of surfel_shape(): adds what the dot's place passes on to the matrix.
+/// Derivative through surfel_shape(): adds the dot's position to the gradient of the matrix.
 template <class Real>
 TVSGS_HD void low_pass_vjp(const SurfelRows<Real>& s,
                            Vec2<Real> low_pass,
@@ -232,7 +232,7 @@ TVSGS_HD void low_pass_vjp(const SurfelRows<Real>& s,
     }
 }
 
-/// From the matrix to the axes, `centre` that of the axes.
+/// Gradients of the axes from those of the matrix. `centre`: of SurfelAxes.
 template <class Real>
 TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
                                           Vec3<Real> centre,
@@ -245,45 +245,46 @@ TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
     return {column(0), column(1), column(2)};
 }
 
-/// Depths as the distortion measures them, of the inverse: equal steps are equal steps in
-/// disparity. The official far / (far - near) (1 - near / z) but for its constant: only differences
-/// count, and near 1 they would have no digits left.
+/// Depth measure of the distortion, from the inverse depth: equal steps are equal steps in
+/// disparity. It equals the official far / (far - near) (1 - near / z) up to a constant, which
+/// differences do not need and which would cost all digits near 1.
 inline constexpr double kDistortionScale = -100 * 0.2 / (100 - 0.2);  // near 0.2, far 100
 template <class Real>
 TVSGS_HD Real distortion_depth(Real inverse) {
     return Real(kDistortionScale) * inverse;
 }
-/// By z.
+/// Derivative by z.
 template <class Real>
 TVSGS_HD Real distortion_depth_slope(Real inverse) {
     return -Real(kDistortionScale) * inverse * inverse;
 }
 
-/// What a surfel adds to pixels.
+/// A surfel's contribution to pixels.
 template <class Real>
 struct SurfelFeatures {
     Vec3<Real> color;
     Vec3<Real> normal;  // camera frame, towards the camera
 };
 
-/// A pixel on the way to the back.
+/// State of a pixel in the forward pass, front to back.
 template <class Real>
 struct SurfelPixel {
     Real T = 1;
     Vec3<Real> color{}, normal{};
     Real z = 0;       // blended, not divided by the coverage
-    Real median = 0;  // z of the last splat blended in front of which more than half gets through
+    Real median = 0;  // z of the last blended splat that more than half of the light reaches
     Real first = 0, second = 0;  // moments: sums of w m and w m^2, m = distortion_depth(1 / z)
     Real distortion = 0;         // sum over pairs of w_i w_j (m_i - m_j)^2
 };
 
-/// False: the pixel is full, and the splat was not blended. Without `kMaps` the colour alone is.
+/// Blends a surfel. Returns false if the pixel is full and the splat was not blended. Without
+/// `kMaps` it blends only the colour.
 template <bool kMaps, class Real>
 TVSGS_HD bool blend(SurfelPixel<Real>& pixel,
                     const SurfelHit<Real>& hit,
                     const SurfelFeatures<Real>& f) {
     const Real next = pixel.T * (1 - hit.alpha);
-    const bool fits = !(next < Real(1e-4));  // no branch: pixels side by side differ
+    const bool fits = !(next < Real(1e-4));  // no branch: neighbouring pixels differ
     const Real w = fits ? hit.alpha * pixel.T : Real(0);
     pixel.color += w * f.color;
     if constexpr (kMaps) {
@@ -298,7 +299,7 @@ TVSGS_HD bool blend(SurfelPixel<Real>& pixel,
     return fits;
 }
 
-/// dL/d of a finished pixel, and what of it the way back needs.
+/// dL/d of a finished pixel, and values of it that the backward pass needs.
 template <class Real>
 struct SurfelPixelGradient {
     Vec3<Real> color{}, normal{};
@@ -306,7 +307,7 @@ struct SurfelPixelGradient {
     Real all = 0, first = 0, second = 0;  // 1 - T and the moments of the finished pixel
 };
 
-/// A pixel on the way back to the front.
+/// State of a pixel in the backward pass, back to front.
 template <class Real>
 struct SurfelPixelBackward {
     Real T;  // behind the next splat to visit
@@ -328,7 +329,7 @@ struct alignas(16) SurfelColorGradients {
 template <class Real>
 struct alignas(16) SurfelMapGradients : SurfelColorGradients<Real> {
     Vec3<Real> normal;
-    Real depth;  // of the centre, by dots
+    Real depth;  // of the centre, from dots
 
     static constexpr int kCount = 20;
 };
@@ -336,7 +337,7 @@ template <bool kMaps, class Real>
 using SurfelGradients =
     std::conditional_t<kMaps, SurfelMapGradients<Real>, SurfelColorGradients<Real>>;
 
-/// One surfel at one pixel, visited back to front; adds. A hit of alpha 0 adds nothing.
+/// Adds one surfel at one pixel, back to front. A hit with alpha 0 adds nothing.
 template <bool kMaps, class Real>
 TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         const SurfelShape<Real>& s,
@@ -361,9 +362,9 @@ TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
     pixel.behind += hit.alpha * step;
     pixel.T = T;
 
-    // The upper clamp of alpha is passed straight through, as in the official code.
+    // The gradient passes the upper clamp of alpha unchanged, as in the official code.
     const Real dL_dalpha = T * step;
-    g.opacity += hit.gauss * dL_dalpha;  // gauss is 0 where it does not draw
+    g.opacity += hit.gauss * dL_dalpha;  // gauss is 0 if it does not draw
     g.color += w * by.color;
     g.front_pixels += in_front ? Real(1) : Real(0);
     Real by_depth = 0;

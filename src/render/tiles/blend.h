@@ -1,4 +1,4 @@
-// Compositing of all tiles, forward and backward, of whatever a model says its splats are.
+// Blending of all tiles, forward and backward, for any model of splats.
 #pragma once
 
 #include <concepts>
@@ -7,34 +7,37 @@
 
 namespace tvsgs {
 
-/// The y of pixels that take no part, or of their offsets. It is so far away that alpha is 0 there,
-/// which saves a flag, and small enough for products with it to stay finite.
+/// The y of pixels that take no part, or of their offsets. It is so large that alpha is 0 there,
+/// which replaces a flag, and so small that products with it stay finite.
 inline constexpr float kOutOfReach = 1e25f;
 
-/// What a rasteriser says of its splats: types and static functions, which blending inlines.
-/// EwaModel is one. Compiled for both devices by a file each, see blend_cpu.h and blend_cuda.h.
+/// A blending model: types and static functions of a rasteriser's splats, which blending inlines.
+/// EwaModel is an example. One source file per device compiles it, see blend_cpu.h and
+/// blend_cuda.h.
 ///
-///   Shape      what decides alpha, with may_draw(shape, low, high) as tiles.h asks for it
-///   Features   what a splat adds to pixels; copy() takes over only those that the model blends:
-///              the others are not written, and reading them is an error
-///   Hit        a splat at a pixel: `alpha`, and what blending needs besides
-///   offset()   of a pixel centre: what hit() goes by, such as where it is from the splat
-///   hit()      forward and backward decide by it alike; alpha 0: the splat is skipped there
-///   PixelForward, blend()       a pixel on the way to the back, from {}. False: it is full, and
-///                               the splat was not blended. Alpha 0 changes nothing
-///   PixelBackward, blend_vjp()  a pixel on the way back to the front, from {T, PixelGradient}, T
-///                               the transmittance behind all splats; adds to the gradients of the
-///                               splat. Of alpha 0 it adds zeros, and changes nothing but T
-///   Gradients  kCount floats, their sums over pixels, in 16-byte words. Factors that are the
-///              same at all pixels are left out; who takes the gradients multiplies by them
-///   kFilled, filled(v)  how many of these the model fills, and which is the v-th
-///   Writer     writes a finished pixel: write(x, y, pixel)
-///   Reader     read(at) is the PixelGradient of pixel `at`; PixelGradient{} is zero. One that
-///   knows
-///              derivatives by the transmittance behind all splats has them as read.behind(at)
+///   Shape      determines alpha; has may_draw(shape, low, high) as tiles.h requires
+///   Features   contribution of a splat to pixels. copy() copies only the members that the model
+///              blends: the others are not written and must not be read
+///   Hit        a splat at a pixel: `alpha`, and other values that blending needs
+///   offset()   argument of hit() for a pixel centre, such as its offset from the splat
+///   hit()      used by forward and backward, so that they decide alike; alpha 0 skips the splat
+///   PixelForward, blend()       state of a pixel in the forward pass, initially {}. Returns
+///                               false if the pixel is full and the splat was not blended. Alpha 0
+///                               changes nothing
+///   PixelBackward, blend_vjp()  state of a pixel in the backward pass, initially
+///                               {T, PixelGradient}; T is the transmittance behind all splats.
+///                               blend_vjp() adds to the gradients of the splat. Alpha 0 adds zeros
+///                               and changes nothing but T
+///   Gradients  kCount floats in 16-byte words: sums over pixels. Factors that are equal at all
+///              pixels are left out; the reader of the gradients multiplies by them
+///   kFilled, filled(v)  number of these floats that the model fills, and index of the v-th
+///   Writer     write(x, y, pixel) stores a finished pixel
+///   Reader     read(at) returns the PixelGradient of pixel `at`; PixelGradient{} is zero. A reader
+///              with derivatives by the transmittance behind all splats returns them from
+///              read.behind(at)
 ///
-/// A model that also names ForwardPacks and BackwardPacks is blended several pixels at a time by
-/// the CPU twin. One without blend() and what it needs is for the way back alone.
+/// If a model also has ForwardPacks and BackwardPacks, the CPU version blends several pixels at a
+/// time. A model without blend() and its types only supports the backward pass.
 template <class Model>
 concept BlendBackModel = requires(const typename Model::Shape& shape,
                                   const typename Model::Features& features,
@@ -65,8 +68,8 @@ concept BlendModel = BlendBackModel<Model> && requires(const typename Model::Fea
     write(0, 0, forward);
 };
 
-/// A pixel at the beginning of the way back. Whatever is behind all splats is seen by the
-/// transmittance there, so a derivative by that is what blending finds behind the last splat.
+/// State of a pixel at the start of the backward pass. The transmittance behind all splats weights
+/// whatever lies there, so the derivative by it is the feature behind the last splat.
 template <class Model>
 TVSGS_HD typename Model::PixelBackward pixel_backward(const typename Model::Reader& read,
                                                       int at,
@@ -79,7 +82,8 @@ TVSGS_HD typename Model::PixelBackward pixel_backward(const typename Model::Read
 template <class Model, class Device>
 using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;
 
-/// What blending reads of the view's splats; their records may lie in two places.
+/// The records of the view's splats that blending reads. Shapes and features may come from two
+/// places.
 template <class Model, class Device>
 struct BlendSplats {
     Span<const typename Model::Shape> shapes;
@@ -92,25 +96,26 @@ struct BlendSplats {
         : shapes(s.span()), features(f.span()) {}
 };
 
-/// Gradients of the view's splats, each in the place of the splat's first fragment. The other
-/// places are scratch: what each fragment adds. Only members that the model fills are defined.
+/// Gradients of the view's splats, each stored at the splat's first fragment. The other fragments
+/// are scratch for the contribution of each fragment. Only members that the model fills are
+/// defined.
 template <class Device, class Gradients>
 struct FragmentGradients {
     Buffer<Gradients, Device> gradients;
     Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
-    // On a GPU: sums by floating-point atomics, so in another order each time. To measure what
-    // reproducible bits cost; nothing else sets it.
+    // GPU only: sums by floating-point atomics, whose order varies from run to run. Only for
+    // measuring the cost of reproducible sums.
     bool atomic = false;
 
     void resize(std::size_t fragments) { gradients.resize(fragments), drawn.resize(fragments); }
 };
 
-/// How many pixels the CPU twin computes at a time where the model has packs; the bits are the
-/// same.
+/// Number of pixels that the CPU version computes at a time, for models with packs. The bits do not
+/// depend on it.
 enum class PackWidth { narrow, widest };
 
-/// Writes all pixels, and to `stops`, [H W], the place in the tile's list behind the last splat
-/// blended.
+/// Writes all pixels. `stops` [H, W] gets the position after the last blended splat in the tile's
+/// list.
 template <BlendModel Model>
 void blend_tiles(const BlendSplats<Model, Cpu>& splats,
                  const TileLists<Cpu>& lists,
@@ -125,8 +130,8 @@ void blend_tiles(const BlendSplats<Model, Cuda>& splats,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cuda>& stops);
 
-/// dL/d of the pixels to one gradient per splat; `fragments` is resized and overwritten. No
-/// floating-point atomics: bit-identical from run to run.
+/// Computes one gradient per splat from dL/d of the pixels. Resizes and overwrites `fragments`.
+/// Uses no floating-point atomics: bit-identical from run to run.
 template <BlendBackModel Model>
 void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
                      const TileLists<Cpu>& lists,

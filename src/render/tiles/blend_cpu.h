@@ -1,5 +1,5 @@
-// The CPU twin of blending, for the .cpp file of a model: one tile per task, splat by splat over
-// its pixels.
+// CPU version of blending, for the .cpp file of a model: one task per tile, splat by splat over its
+// pixels.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ inline std::size_t pixel_index(const TileGrid& grid, int x, int y) {
            static_cast<std::size_t>(x);
 }
 
-/// What the tiles of a forward pass read and write.
+/// Inputs and outputs of the tiles in a forward pass.
 template <class Model>
 struct TilesForward {
     Span<const typename Model::Shape> shapes;
@@ -36,7 +36,7 @@ struct TilesForward {
     Span<std::uint32_t> stop_out;
 };
 
-/// And those of a backward pass.
+/// Inputs and outputs of the tiles in a backward pass.
 template <class Model>
 struct TilesBackward {
     Span<const typename Model::Shape> shapes;
@@ -57,8 +57,8 @@ inline Vec2f pixel_centre(int x, int y) {
     return {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f};
 }
 
-/// The pixels of a tile whose model has no packs, in blocks: a splat is tried in those that it may
-/// draw in.
+/// The pixels of a tile in blocks, for models without packs. A splat is evaluated only in blocks in
+/// which it may draw.
 template <class State>
 struct TileBlocks {
     static constexpr int kSide = 4, kPixels = kSide * kSide;
@@ -75,7 +75,7 @@ struct TileBlocks {
     Block blocks[(kTileSize / kSide) * (kTileSize / kSide)];
     int count = 0;
 
-    /// start(state, x, y) for each pixel.
+    /// Calls start(state, x, y) for each pixel.
     template <class Start>
     TileBlocks(const TileBounds& t, const Start& start) {
         for (int top = t.top; top < t.bottom; top += kSide)
@@ -135,7 +135,7 @@ void blend_tile(const TilesForward<Model>& in, int tile) {
         }
 }
 
-/// Back to front.
+/// Visits the splats back to front.
 template <class Model>
 void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
     struct State {
@@ -169,7 +169,8 @@ void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
     }
 }
 
-/// body.wide(tile) where the processor has wide packs and the caller wants them.
+/// Calls body.wide(tile) if the processor has wide packs and the caller wants them, else
+/// body.narrow(tile).
 template <class Body>
 void for_tiles(const TileGrid& grid, PackWidth width, const Body& body) {
     const bool wide = width == PackWidth::widest && has_wide_packs();
@@ -229,7 +230,7 @@ void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
     else
         parallel_for_heavy(Cpu{}, grid.count(),
                            [&](int tile) { detail::blend_tile_vjp(in, tile); });
-    // The fragments of each splat, in their order.
+    // Sums the fragments of each splat in order.
     const auto& first_fragments = lists.first_fragment_by_depth;
     parallel_for(Cpu{}, lists.visible_count, [&](int k) {
         const auto rank = static_cast<std::size_t>(k);
@@ -247,7 +248,7 @@ void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
     });
 }
 
-/// Compiles all of that for a model, or its way back alone.
+/// Instantiates the functions for a model, or only for its backward pass.
 #define TVSGS_BLEND_CPU(Model)                                                              \
     template void blend_tiles<Model>(const BlendSplats<Model, Cpu>&, const TileLists<Cpu>&, \
                                      const TileGrid&, const typename Model::Writer&,        \

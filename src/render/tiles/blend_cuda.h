@@ -1,5 +1,5 @@
-// The CUDA twin of blending, for the .cu file of a model: one block per tile, a warp per quarter of
-// it, two pixels per lane. For nvcc only.
+// CUDA version of blending, for the .cu file of a model: one block per tile, one warp per quarter
+// of it, two pixels per lane. For nvcc only.
 #pragma once
 
 #include <bit>
@@ -23,7 +23,7 @@ struct LanePixels {
     int x, y[kPixels];
     float centre_x, centre_y[kPixels];
     bool inside[kPixels];
-    Vec2f low, high;  // in the image; high < low where the warp has none
+    Vec2f low, high;  // inside the image; high < low if the warp has none
 };
 __device__ inline LanePixels lane_pixels(const TileGrid& grid, unsigned tile) {
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
@@ -43,7 +43,7 @@ __device__ inline LanePixels lane_pixels(const TileGrid& grid, unsigned tile) {
     return p;
 }
 
-/// A number that the compiler keeps in a register, and does not compute anew where it is used.
+/// Keeps a number in a register, so that the compiler does not recompute it.
 __device__ inline int kept(int value) {
     asm volatile("" : "+r"(value));
     return value;
@@ -61,8 +61,8 @@ struct Batch {
     typename Model::Features features[kBatch];
 };
 
-/// Each lane loads its splat and tests it against the warp's pixels; returns the mask of those that
-/// may draw, which then lie in `batch`. Only their features are read.
+/// Each lane loads its splat and tests it against the warp's pixels. Returns the mask of the splats
+/// that may draw and stores them in `batch`; reads only their features.
 template <class Model>
 __device__ unsigned load_batch(bool has_splat,
                                std::uint32_t splat,
@@ -119,7 +119,7 @@ __global__ void __launch_bounds__(kThreads)
 #pragma unroll
             for (int k = 0; k < kPixels; ++k) hits[k] = Model::hit(s, offset<Model>(s, p, k));
             if (!__any_sync(kAll, hits[0].alpha > 0 || hits[1].alpha > 0)) continue;
-            // No branches but that of the whole warp: an alpha of 0 adds zeros.
+            // Branches only for the whole warp: an alpha of 0 adds zeros.
             const typename Model::Features& f = batch.features[j];
 #pragma unroll
             for (int k = 0; k < kPixels; ++k) {
@@ -138,8 +138,8 @@ __global__ void __launch_bounds__(kThreads)
         }
 }
 
-/// One step of halving_sum: of kSize values the upper lanes keep the second half. A template, so
-/// that the values stay in registers.
+/// One step of halving_sum(): the upper lanes keep the second half of the kSize values. A template,
+/// so that the values stay in registers.
 template <int kSize, int kRoom>
 __device__ void trade_halves(float (&values)[kRoom], int lane, int distance) {
     constexpr int kHalf = (kSize + 1) / 2;
@@ -153,9 +153,9 @@ __device__ void trade_halves(float (&values)[kRoom], int lane, int distance) {
     }
 }
 
-/// Sums up to 32 values over the lanes of a warp with little more than as many shuffles: lanes
-/// trade halves of the values until each has one, and then add those that are of the same value;
-/// see value_of_lane(). The sum is in values[0].
+/// Sums up to 32 values over the lanes of a warp with little more than 32 shuffles. Lanes trade
+/// halves of the values until each has one value, then the lanes of each value add theirs; see
+/// value_of_lane(). The sum is in values[0].
 template <int kSize, int kDistance = 16, int kRoom>
 __device__ void halving_sum(float (&values)[kRoom], int lane) {
     static_assert(kRoom <= 32);
@@ -166,8 +166,8 @@ __device__ void halving_sum(float (&values)[kRoom], int lane) {
     if constexpr (kDistance > 1) halving_sum<(kSize + 1) / 2, kDistance / 2>(values, lane);
 }
 
-/// Which value halving_sum leaves in a lane: each trade's bit says which half was kept; -1 where
-/// the halves were uneven and none is left.
+/// Index of the value that halving_sum() leaves in a lane. The bit of each trade tells the half
+/// that was kept. -1 if the halves were uneven and the lane has none.
 template <int kCount>
 __device__ int value_of_lane(int lane) {
     int value = 0, left = kCount;
@@ -179,7 +179,7 @@ __device__ int value_of_lane(int lane) {
     }
     return left > 0 ? value : -1;
 }
-/// How many lanes, one beside the other, it leaves with the same.
+/// Number of adjacent lanes with the same value.
 template <int kCount>
 inline constexpr unsigned kLanesOfValue = 32 / std::bit_ceil(static_cast<unsigned>(kCount));
 
@@ -195,7 +195,7 @@ struct FragmentGradientSpans {
     Span<std::uint8_t> drawn;
     Span<const std::uint32_t> first_fragment;  // of each splat
 
-    /// Adds to a splat's gradients in whatever order warps come; for comparison only.
+    /// Adds to a splat's gradients in the order in which warps arrive. For comparison only.
     __device__ void add_atomically(std::uint32_t splat, int member, float value) const {
         const std::uint32_t fragment = first_fragment[splat];
         atomicAdd(reinterpret_cast<float*>(&gradients[fragment]) + member, value);
@@ -206,20 +206,20 @@ struct FragmentGradientSpans {
 /// Sums of each warp over its pixels, for one batch.
 template <class Gradients>
 struct alignas(16) BatchSums {
-    static constexpr unsigned kWords = Gradients::kCount / 4;  // of 16 bytes, of a splat
+    static constexpr unsigned kWords = Gradients::kCount / 4;  // of 16 bytes, per splat
     static constexpr int kTurns = (kBatch * kWords + kThreads - 1) / kThreads;
 
     float of[kWarps][kBatch][Gradients::kCount];
-    unsigned drawn[kWarps];  // splats that drew in the warp; the others' sums are not written
+    unsigned drawn[kWarps];  // splats that drew in the warp; sums of the others are not written
 
-    /// The splat whose sums this thread adds up in a turn; beyond the batch: none.
+    /// The splat whose sums this thread adds in a turn; not below the batch's size: none.
     __device__ static int splat_of_turn(int turn) {
         return static_cast<int>((threadIdx.x + turn * kThreads) / kWords);
     }
 };
 
-/// Adds the warps' sums in fixed order and writes the fragments, a thread 16 bytes of one in each
-/// turn.
+/// Adds the warps' sums in a fixed order and writes the fragments. In each turn a thread writes 16
+/// bytes of one.
 template <class Gradients>
 __device__ void write_fragments(const BatchSums<Gradients>& sums,
                                 int count,
@@ -262,10 +262,10 @@ __global__ void __launch_bounds__(kThreads)
     using Sums = BatchSums<Gradients>;
     constexpr int kValues = Gradients::kCount, kFilled = Model::kFilled;
     __shared__ Batch<Model> batches[kWarps];
-    __shared__ Sums sums_of_two[2];  // one is filled while the other is written out
+    __shared__ Sums sums_of_two[2];  // one is filled while the other is written
     __shared__ std::uint32_t last_of_warp[kWarps];
     const std::uint32_t warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    // Where this lane writes a value of the warp's first sum; below 0: nowhere.
+    // Index to which this lane writes its value of the warp's first sum; negative: nowhere.
     const int value = value_of_lane<kFilled>(static_cast<int>(lane));
     const int place = kept(lane % kLanesOfValue<kFilled> == 0 && value >= 0
                                ? static_cast<int>(warp) * kBatch * kValues + Model::filled(value)
@@ -282,7 +282,7 @@ __global__ void __launch_bounds__(kThreads)
                         : typename Model::PixelBackward{1.0f, typename Model::PixelGradient{}};
         stop[k] = p.inside[k] ? stops[at] : 0;
     }
-    // The warp starts from its last contributor, the block from the last of all.
+    // The warp starts at its last contributor, the block at the last of all warps.
     const std::uint32_t warp_last = warp_maximum(max(stop[0], stop[1]));
     if (lane == 0) last_of_warp[warp] = warp_last;
     __syncthreads();
@@ -319,7 +319,7 @@ __global__ void __launch_bounds__(kThreads)
             const unsigned lanes = __ballot_sync(kAll, draws);
             if (lanes == 0) continue;
             drawn |= bit;
-            // No branches: whatever does not draw adds zeros. To -0 nothing has to be added.
+            // No branches: pixels that do not draw add zeros. Starting from -0 avoids an addition.
             union {
                 float values[kValues];
                 Gradients g;
@@ -330,7 +330,7 @@ __global__ void __launch_bounds__(kThreads)
             for (int k = 0; k < kPixels; ++k) {
                 const float T = pixels[k].T;
                 Model::blend_vjp(pixels[k], s, batch.features[j], hits[k], u.g);
-                if (hits[k].alpha == 0) pixels[k].T = T;  // the inverse of 1 is approximate, too
+                if (hits[k].alpha == 0) pixels[k].T = T;  // the inverse of 1 is not exactly 1
             }
             if ((lanes & (lanes - 1)) == 0) {  // one lane: nothing to add
                 if (draws) {
@@ -355,7 +355,7 @@ __global__ void __launch_bounds__(kThreads)
         }
         if constexpr (!kAtomic) {
             if (lane == 0) sums.drawn[warp] = drawn;
-            // The only barrier: whoever passes the next one has left write_fragments() of this
+            // The only barrier: a warp that passes the next one has left write_fragments() of this
             // turn.
             __syncthreads();
             write_fragments(sums, count, fragments_to_write, out);
@@ -370,9 +370,8 @@ __device__ inline void add(float4& sum, const float4& value) {
     sum.x += value.x, sum.y += value.y, sum.z += value.z, sum.w += value.w;
 }
 
-/// Adds up the fragments of each splat into its first one. A few lanes hold the values of a splat,
-/// four each; all lanes of the warp share in a splat of many fragments. The shape of the sums is
-/// fixed.
+/// Sums the fragments of each splat into its first one. A few lanes hold the values of a splat,
+/// four each; the whole warp shares a splat with many fragments. The order of the sums is fixed.
 template <class Gradients>
 inline constexpr std::uint32_t kSplatLanes = std::bit_ceil(std::uint32_t{Gradients::kCount / 4});
 template <class Gradients>
@@ -381,7 +380,7 @@ __global__ void __launch_bounds__(kThreads)
                          std::uint32_t fragment_count,
                          FragmentGradientSpans<Gradients> fragments) {
     constexpr std::uint32_t kLaneFragments = 32, kLanes = kSplatLanes<Gradients>;
-    // Lanes beyond the values do what the last one does.
+    // Lanes beyond the values repeat the work of the last one.
     const std::uint32_t lane = threadIdx.x % 32,
                         part = min(lane % kLanes, Gradients::kCount / 4 - 1u),
                         group = lane / kLanes;
@@ -396,12 +395,12 @@ __global__ void __launch_bounds__(kThreads)
     const auto value = [&](std::uint32_t fragment) -> float4& {
         return reinterpret_cast<float4*>(&fragments.gradients[fragment])[part];
     };
-    // With one fragment there is nothing to do.
+    // A single fragment needs no sum.
     if (end - first > 1 && end - first <= kLaneFragments) {
         for (std::uint32_t fragment = first; fragment < end; ++fragment)
             if (fragments.drawn[fragment]) add(sum, value(fragment)), drawn = true;
     }
-    __syncwarp();  // all lanes have read what is overwritten now
+    __syncwarp();  // all lanes have read the data that is overwritten now
     if (drawn) value(first) = sum;
     if (drawn && part == 0) fragments.drawn[first] = 1;
     for (unsigned large = __ballot_sync(kAll, part == 0 && end - first > kLaneFragments);
@@ -468,7 +467,7 @@ void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
     check_launch();
 }
 
-/// Compiles all of that for a model, or its way back alone.
+/// Instantiates the functions for a model, or only for its backward pass.
 #define TVSGS_BLEND_CUDA(Model)                                                               \
     template void blend_tiles<Model>(const BlendSplats<Model, Cuda>&, const TileLists<Cuda>&, \
                                      const TileGrid&, const typename Model::Writer&,          \

@@ -1,5 +1,5 @@
-// Front-to-back compositing of one pixel, and its backward, one splat at a time; both devices walk
-// their lists with these. [Kerbl23, Eq. 2-3], plane channels and unbiased depth: [PGSR]
+// Front-to-back blending of one splat at one pixel, and its derivative, for both devices. [Kerbl23,
+// Eq. 2-3]; plane channels and unbiased depth: [PGSR]
 #pragma once
 
 #include <limits>
@@ -13,26 +13,26 @@ namespace tvsgs {
 
 inline constexpr float kMinAlpha = 1.0f / 255;  // below one step of 8-bit colour
 inline constexpr float kMaxAlpha =
-    0.99f;  // keeps 1 - alpha, by which the backward divides, away from 0
-inline constexpr float kMinTransmittance = 1e-4f;   // behind this nothing is visible
-inline constexpr float kFrontTransmittance = 0.5f;  // "in front" for the observation count
+    0.99f;  // keeps 1 - alpha, the divisor in the backward pass, away from 0
+inline constexpr float kMinTransmittance = 1e-4f;   // nothing is visible behind this
+inline constexpr float kFrontTransmittance = 0.5f;  // limit of "in front" for the observation count
 
-/// The ellipse of a splat in the image; in whole 16-byte words.
+/// The ellipse of a splat in the image. Padded to 16-byte words.
 template <class Real>
 struct alignas(16) SplatShape {
-    Vec2<Real> mean;         // px, corner convention
+    Vec2<Real> mean;         // px; (0, 0) is the image corner
     EllipseRoot<Real> root;  // 1/px
     Real opacity;            // activated
-    Real reach;  // splat_reach(): alpha is at least kMinAlpha where the Gaussian's exponent is at
-                 // most this
+    Real reach;              // splat_reach(): largest exponent with alpha >= kMinAlpha
 };
 
+/// Largest exponent at which alpha is at least kMinAlpha.
 template <class Real>
 TVSGS_HD Real splat_reach(Real opacity) {
     return std::log(opacity / Real(kMinAlpha));
 }
 
-/// Half-widths of the box in which alpha can reach kMinAlpha, px.
+/// Half-widths, px, of the box outside which alpha is below kMinAlpha.
 template <class Real>
 TVSGS_HD Vec2<Real> splat_extent(const SplatShape<Real>& s) {
     const EllipseRoot<Real>& R = s.root;
@@ -40,7 +40,7 @@ TVSGS_HD Vec2<Real> splat_extent(const SplatShape<Real>& s) {
             std::sqrt(s.reach) / R.yy};
 }
 
-/// What a splat adds to the channels.
+/// Contribution of a splat to the channels.
 template <class Real>
 struct SplatFeatures {
     Vec3<Real> color;
@@ -48,7 +48,7 @@ struct SplatFeatures {
     Real distance;      // world units
 };
 
-/// Sum over the channels that a set holds.
+/// Dot product over the channels of the set.
 template <Channels kChannels, class Real>
 TVSGS_HD Real feature_dot(const SplatFeatures<Real>& a, const SplatFeatures<Real>& b) {
     if constexpr (!has_plane(kChannels)) return dot(a.color, b.color);
@@ -57,7 +57,7 @@ TVSGS_HD Real feature_dot(const SplatFeatures<Real>& a, const SplatFeatures<Real
     return sum;
 }
 
-/// target += weight * f, channels of the set only.
+/// target += weight * f, for the channels of the set.
 template <Channels kChannels, class Real>
 TVSGS_HD void add_features(SplatFeatures<Real>& target, Real weight, const SplatFeatures<Real>& f) {
     if constexpr (has_color(kChannels)) target.color += weight * f.color;
@@ -67,14 +67,14 @@ TVSGS_HD void add_features(SplatFeatures<Real>& target, Real weight, const Splat
     }
 }
 
-/// Gaussian value and clamped alpha at a pixel; alpha = 0 says that the splat is skipped there.
+/// Gaussian value and clamped alpha at a pixel. alpha = 0: the splat is skipped there.
 template <class Real>
 struct SplatAlpha {
     Real gauss, alpha;
 };
 
-/// `d` = mean - pixel centre. Forward and backward must decide alike, so both call this. FastMath:
-/// where alpha is not cut off, its exponential is right to 5 units in the last place.
+/// `d` = mean - pixel centre. Forward and backward call this function, so that they decide alike.
+/// FastMath: unless alpha is cut off, its exponential is accurate to 5 units in the last place.
 template <class Real>
 TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
     const Vec2<Real> w = whitened(s.root, d);
@@ -84,24 +84,24 @@ TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
     return {gauss, alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha)};
 }
 
-/// One pixel's running state on the way to the back.
+/// State of one pixel in the forward pass.
 template <class Real>
 struct PixelForward {
     Real T = 1;
     SplatFeatures<Real> sum{};
 };
 
-/// Blends one splat; false when the pixel is full and the splat was not blended.
+/// Blends one splat. Returns false if the pixel is full and the splat was not blended.
 template <Channels kChannels, class Real>
 TVSGS_HD bool blend(PixelForward<Real>& pixel, Real alpha, const SplatFeatures<Real>& f) {
     const Real next = pixel.T * (1 - alpha);
-    const bool fits = !(next < Real(kMinTransmittance));  // no branch: pixels side by side differ
+    const bool fits = !(next < Real(kMinTransmittance));  // no branch: neighbouring pixels differ
     add_features<kChannels>(pixel.sum, fits ? alpha * pixel.T : Real(0), f);
     pixel.T = fits ? next : pixel.T;
     return fits;
 }
 
-/// One pixel's running state on the way back to the front.
+/// State of one pixel in the backward pass.
 template <class Real>
 struct PixelBackward {
     Real T;  // behind the next splat to visit; starts at the final transmittance
@@ -109,7 +109,7 @@ struct PixelBackward {
     Real behind = 0;                // <dL_dpixel, blended features behind, as if seen with T = 1>
 };
 
-/// Gradients of one splat; what a backward pass sums over pixels. In whole 16-byte words.
+/// Gradients of one splat, summed over pixels. Padded to 16-byte words.
 template <class Real>
 struct alignas(16) SplatGradients {
     Vec2<Real> mean, abs_mean;  // per px; abs: sum of absolute values per pixel
@@ -121,14 +121,14 @@ struct alignas(16) SplatGradients {
     static constexpr int kCount = 16;
 };
 
-/// Counts a pixel where the splat drew with T in front of it.
+/// Counts a pixel at which the splat drew with more than half of the light.
 template <class Real>
 TVSGS_HD void count_front(Real& pixels, Real T, Real alpha) {
     pixels += T > Real(kFrontTransmittance) && alpha > 0 ? Real(1) : Real(0);
 }
 
-/// Adds what a splat's alpha gives at a pixel, but for the factors that are the splat's, see
-/// complete(); `change`: dL/dopacity, the exponent is |w|^2.
+/// Adds the derivatives of a splat's alpha at a pixel, without the splat's constant factors; see
+/// complete(). `change`: dL/dopacity; the exponent is |w|^2.
 template <class Real, class Gradients>
 TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
     const Real x = change * w.x, y = change * w.y;
@@ -137,9 +137,9 @@ TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
     g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
 }
 
-/// One splat at one pixel, visited back to front; w = whitened(root, mean - pixel centre). Adds to
-/// `g` without the factors that are the splat's. An `a` of zeros adds nothing. The
-/// upper clamp of alpha is passed straight through, as in the official code.
+/// Adds one splat at one pixel, back to front, to `g`, without the splat's constant factors. w =
+/// whitened(root, mean - pixel centre). An `a` of zeros adds nothing. The gradient passes the upper
+/// clamp of alpha unchanged, as in the official code.
 template <Channels kChannels, class Real>
 TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         const EllipseRoot<Real>& root,
@@ -161,7 +161,7 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     count_front(g.front_pixels, T, a.alpha);
 }
 
-/// Puts in the factors that blend_vjp() leaves out of its sums.
+/// Multiplies the sums by the factors that blend_vjp() leaves out.
 template <class Real>
 TVSGS_HD void complete(SplatGradients<Real>& g, const SplatShape<Real>& s) {
     const EllipseRoot<Real>& R = s.root;
@@ -172,8 +172,8 @@ TVSGS_HD void complete(SplatGradients<Real>& g, const SplatShape<Real>& s) {
 }
 
 /// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as
-/// rounding allows: splat_alpha() finds no smaller exponent at any of them. Nothing here can be
-/// fused by a compiler, so all kernels get the same bits. A Real may be a Pack.
+/// rounding allows: splat_alpha() computes no smaller exponent at any of them. The compiler cannot
+/// fuse operations here, so all kernels get the same bits. A Real may be a Pack.
 template <class Real>
 TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
     using std::abs;
@@ -186,7 +186,7 @@ TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Rea
     const Real dx = clamped(zero, from.x, to.x), dy = clamped(zero, from.y, to.y);
     if (all(both(dx == zero, dy == zero))) return zero;
     const auto at = [&](Real x, Real y) {
-        // Two evaluations of w.x, here and in splat_alpha, differ by less than kError size.
+        // Two evaluations of w.x, here and in splat_alpha(), differ by less than kError * size.
         constexpr double kError = 4 * (kIsDouble<Real> ? std::numeric_limits<double>::epsilon()
                                                        : std::numeric_limits<float>::epsilon());
         const Real size = multiply_add(abs(R.xy), abs(y), R.xx * abs(x));
@@ -212,15 +212,15 @@ TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Rea
 }
 
 /// True if the exponent can be within the splat's reach at a pixel centre in [low, high]. Rounding
-/// errors can make this true where it is not, never the reverse.
+/// errors can only cause false positives.
 template <class Real>
 TVSGS_HD auto may_draw(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
     return least_exponent(s, low, high) <= s.reach + Real(1e-4);
 }
 
-/// The plane's depth along a pixel ray r (z = 1): D = distance / -(normal . r); 0 where it is
-/// undefined. The blending weights' sum cancels. `coverage` = 1 - T; grazing rays and almost empty
-/// pixels have no depth.
+/// Depth of the plane along a pixel ray r (z = 1): D = distance / -(normal . r); 0 if undefined.
+/// The sum of blending weights cancels. `coverage` = 1 - T. Grazing rays and almost empty pixels
+/// have no depth.
 template <class Real>
 TVSGS_HD Real plane_depth(Vec3<Real> normal, Real distance, Vec3<Real> ray, Real coverage) {
     const Real facing = -dot(normal, ray);
@@ -235,7 +235,7 @@ struct PlaneDepthGradients {
     Real dL_ddistance;
 };
 
-/// Only where plane_depth is not 0.
+/// Call it only if plane_depth() is not 0.
 template <class Real>
 TVSGS_HD PlaneDepthGradients<Real> plane_depth_vjp(Vec3<Real> normal,
                                                    Real distance,

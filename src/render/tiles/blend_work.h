@@ -1,4 +1,4 @@
-// How much work blending a view is, counted: what is tested, evaluated in vain, and drawn.
+// Counting the work of blending a view: tests, evaluations and contributions.
 #pragma once
 
 #include "core/device/parallel.h"
@@ -7,7 +7,7 @@
 
 namespace tvsgs {
 
-/// Walks the list of one warp of BlendWork as blending does; one index per warp.
+/// Walks the list of one warp of BlendWork as blending does. One index per warp.
 template <BlendModel Model>
 struct CountBlendBody {
     static constexpr int kQuarter = kTileSize / 2, kPixels = kQuarter * kQuarter, kBatch = 32;

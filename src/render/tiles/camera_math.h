@@ -1,5 +1,5 @@
-// From what the splats of a view hand back to what its camera gets: the derivatives by a rigid
-// motion of the camera.  [docs/method/cameras.md#formula]
+// Gradient of a camera pose from the gradients of the splats in view.
+// [docs/method/cameras.md#formula]
 #pragma once
 
 #include "core/math/rigid.h"
@@ -19,12 +19,12 @@ TVSGS_HD Real component(const CameraGradient<Real>& g, int k) {
     return k < 3 ? g.rotation[k] : g.translation[k - 3];
 }
 
-/// One splat's part. A camera that moves is splats that move the other way; but their colour knows
-/// of the place of the camera alone.
+/// Contribution of one splat. A camera motion equals the opposite motion of the splats, except that
+/// the colour depends only on the camera's position.
 ///   R                camera_from_world
 ///   offset           mean - camera centre
-///   dL_dmean         world; of it, what comes through the direction of the harmonics is
-///   dL_ddirection
+///   dL_dmean         world; includes dL_ddirection
+///   dL_ddirection    the part of dL_dmean through the viewing direction of the SH
 ///   quat, dL_dquat   as stored
 template <class Real>
 TVSGS_HD CameraGradient<Real> camera_gradient(const Mat3<Real>& R,
@@ -33,13 +33,13 @@ TVSGS_HD CameraGradient<Real> camera_gradient(const Mat3<Real>& R,
                                               Vec3<Real> dL_ddirection,
                                               Quat<Real> quat,
                                               Quat<Real> dL_dquat) {
-    // A turn w of the splat about its centre changes its quaternion by (0, w) quat / 2.
+    // A rotation w of the splat about its centre changes its quaternion by (0, w) quat / 2.
     const Vec3<Real> q{quat.x, quat.y, quat.z}, g{dL_dquat.x, dL_dquat.y, dL_dquat.z};
     const Vec3<Real> by_turn = Real(0.5) * (quat.w * g - dL_dquat.w * q - cross(g, q));
     return {R * (cross(offset, dL_dmean - dL_ddirection) + by_turn), R * dL_dmean};
 }
 
-/// exp of the motion, to the left of a pose.
+/// exp of the motion; multiply a pose by it from the left.
 template <class Real>
 Rigid3<Real> rigid_exp(Vec3<Real> rotation, Vec3<Real> translation) {
     const Real angle2 = dot(rotation, rotation), angle = std::sqrt(angle2);

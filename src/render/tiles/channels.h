@@ -1,13 +1,12 @@
-// What the kernels of planar splats blend: compiled per set, so that what no map needs costs
-// nothing.
+// Channel sets of planar splats. Kernels are compiled per set, so that unused maps cost nothing.
 #pragma once
 
 #include "render/backbone.h"
 
 namespace tvsgs {
 
-/// With _ray depth comes from where rays meet splats, not from blended planes; blending does not
-/// know of it.
+/// With _ray, depth comes from the splats along rays and not from blended planes. Blending treats
+/// it like the set without _ray.
 enum class Channels { color, color_plane, plane, color_ray, ray };
 
 constexpr bool has_color(Channels channels) {
@@ -20,7 +19,7 @@ constexpr bool has_ray(Channels channels) {
     return channels == Channels::color_ray || channels == Channels::ray;
 }
 
-/// What is blended.
+/// The set that blending uses.
 constexpr Channels blended(Channels channels) {
     return !has_ray(channels)    ? channels
            : has_color(channels) ? Channels::color_plane
@@ -32,14 +31,14 @@ constexpr Channels along_rays(Channels channels) {
                                  : Channels::ray;
 }
 
-/// The least that makes the maps.
+/// The smallest set that renders the maps.
 constexpr Channels channels_of(Maps maps) {
     return !has(maps, kGeometryMaps) ? Channels::color
            : has(maps, Maps::color)  ? Channels::color_plane
                                      : Channels::plane;
 }
 
-/// run() as a template of the channels.
+/// Calls run() as a template of the channels.
 template <class Run>
 void with_channels(Channels channels, const Run& run) {
     switch (channels) {
@@ -56,8 +55,8 @@ void with_channels(Channels channels, const Run& run) {
     }
 }
 
-/// For splats that blend all maps of the geometry or none: run() as a template of <whether they do,
-/// whether there is colour>. Where no maps are asked for, there is.
+/// For splats that blend all geometry maps or none: calls run() as a template of <maps, colour>.
+/// Without maps there is always colour.
 template <class Run>
 void with_maps(bool maps, bool color, const Run& run) {
     if (!maps) return run.template operator()<false, true>();

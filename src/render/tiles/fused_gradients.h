@@ -1,5 +1,5 @@
-// The list of ways from the sums of a view's splats to their parameters: those that Adam's step
-// takes where it uses the gradients. Included where a kernel is compiled for each.
+// List of the SplatVjp types. Adam's step calls one of them while it updates the parameters.
+// Include it where a kernel is compiled for each type.
 #pragma once
 
 #include <variant>
@@ -10,6 +10,7 @@
 
 namespace tvsgs {
 
+/// The SplatVjp of the last blend_backward().
 struct FusedGradients {
     std::variant<EwaVjp<Channels::color>,
                  EwaVjp<Channels::color_plane>,
@@ -24,7 +25,7 @@ struct FusedGradients {
                  RadeVjp<true, false>>
         vjp;  // a SplatVjp
 
-    /// run(vjp) as the type that it is.
+    /// Calls run(vjp) with the actual type.
     template <class Run>
     void visit(const Run& run) const {
         std::visit(run, vjp);

@@ -1,4 +1,4 @@
-// Real spherical harmonics to degree 3, the 3DGS basis and signs.  [Kerbl23]
+// Real spherical harmonics up to degree 3, with the basis and signs of 3DGS.  [Kerbl23]
 #pragma once
 
 #include "core/scene/gaussians.h"
@@ -9,7 +9,7 @@ inline constexpr double kShC0 = 0.28209479177387814;
 // Loops run to this constant and test the degree inside: unrolled, they keep arrays in registers.
 inline constexpr int kMaxShCount = sh_count(3);
 
-/// Y_k(v) for k < sh_count(degree); v is a unit vector.
+/// Y_k(v) for k < sh_count(degree). v must be a unit vector.
 template <class Real>
 TVSGS_HD void sh_basis(int degree, Vec3<Real> v, Real* Y) {
     Y[0] = Real(kShC0);
@@ -34,7 +34,7 @@ TVSGS_HD void sh_basis(int degree, Vec3<Real> v, Real* Y) {
     Y[15] = Real(-0.5900435899266435) * x * (xx - 3 * yy);
 }
 
-/// sum_k weights[k] dY_k/dv, v taken as three independent numbers.
+/// sum_k dL_dY[k] dY_k/dv, with v as three independent numbers.
 template <class Real>
 TVSGS_HD Vec3<Real> sh_basis_vjp(int degree, Vec3<Real> v, const Real* dL_dY) {
     Vec3<Real> g{};
@@ -65,7 +65,7 @@ TVSGS_HD Vec3<Real> sh_basis_vjp(int degree, Vec3<Real> v, const Real* dL_dY) {
     return g;
 }
 
-/// max(0, 0.5 + sum_k sh_k Y_k(v)) for Gaussian i; `sh` is coefficient major with `stride`
+/// max(0, 0.5 + sum_k sh_k Y_k(v)) for Gaussian i. `sh` is coefficient major with `stride`
 /// Gaussians per coefficient.
 template <class Real, class Stored>
 TVSGS_HD Vec3<Real> sh_color(
@@ -78,10 +78,10 @@ TVSGS_HD Vec3<Real> sh_color(
     return {color.x > 0 ? color.x : 0, color.y > 0 ? color.y : 0, color.z > 0 ? color.z : 0};
 }
 
-/// Returns dL/d(mean - camera centre). `color` is sh_color's result: where it is 0 the clamp passes
-/// nothing. Coefficients are visited in groups: visit(first, dL_dsh, sh) with `Visit::kGroup` of
-/// them takes their gradients and gives their values; those beyond the degree have gradient 0. What
-/// is returned also goes to its member `dL_ddirection`, if it has one.
+/// Returns dL/d(mean - camera centre), and stores it in visit.dL_ddirection if it exists. `color`:
+/// result of sh_color(); a channel of 0 was clamped and passes no gradient. Visits coefficients in
+/// groups of `Visit::kGroup`: visit(first, dL_dsh, sh) takes their gradients and sets their values;
+/// coefficients beyond the degree have gradient 0.
 template <class Real, class Visit>
 TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
                                  Vec3<Real> offset,  // mean - camera centre, not normalised
@@ -111,7 +111,7 @@ TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
     return dL_doffset;
 }
 
-/// Adds the gradients of Gaussian i to `dL_dsh`; both arrays as sh_color has them.
+/// Adds the gradients of Gaussian i to `dL_dsh`. Both arrays are coefficient major.
 template <class Real>
 struct AddShGradient {
     static constexpr int kGroup = 1;

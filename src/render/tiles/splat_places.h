@@ -1,5 +1,5 @@
-// Where a view keeps what it knows of its splats: records of those in view alone, one behind the
-// other in the order of their indices.
+// Compact storage of the splats in view: records only of these splats, in the order of their
+// indices.
 #pragma once
 
 #include <algorithm>
@@ -17,25 +17,26 @@ namespace tvsgs {
 
 inline constexpr std::uint32_t kNoPlace = 0xffffffffu;
 
-/// Of each splat.
+/// Place of each splat's records.
 struct SplatPlaces {
     Span<const float> radii;           // [N] > 0: in view
-    Span<const std::uint32_t> before;  // [N + 1] splats in view before it; the last: all of them
+    Span<const std::uint32_t> before;  // [N + 1] splats in view before it; last: of all
 
-    /// kNoPlace: not in view. Compare it with the number of records before using it.
+    /// Place of splat i; kNoPlace: not in view. Compare it with the number of records before using
+    /// it.
     TVSGS_HD std::uint32_t of(int i) const {
-        const std::uint32_t place = before[i];  // at once: neither load waits for the other
+        const std::uint32_t place = before[i];  // unconditional, so that the loads overlap
         return radii[i] > 0 ? place : kNoPlace;
     }
     TVSGS_HD std::uint32_t in_view() const { return before[before.count - 1]; }
 };
 
-/// A rasteriser's projection of splats to records:
+/// A Projection computes the records of splats:
 ///
-///   Found           what is known of a splat before it is stored
-///   find(i, found)  whether splat i is in view
+///   Found           intermediate values of a splat
+///   find(i, found)  true if splat i is in view
 ///   radius(found)   px, > 0: ScreenStatistics
-///   store(i, found, place)  writes its records: of a ViewSplats, `rects` among them
+///   store(i, found, place)  writes its records in a ViewSplats, including `rects`
 template <class Projection>
 struct MarkBody {
     Projection projection;
@@ -57,25 +58,25 @@ struct StoreBody {
             typename Projection::Found found;
             if (projection.find(i, found)) projection.store(i, found, place);
         }
-        // Places that no splat has are empty; there are no more places than splats.
+        // Clears places without a splat. There are at most as many places as splats.
         const auto beyond = static_cast<std::uint32_t>(i);
         if (beyond < room && beyond >= places.in_view()) projection.rects[beyond] = {};
     }
 };
 
-/// before[i] = how many of radii[0], ..., radii[i - 1] are > 0, for i up to their number.
+/// before[i] = number of radii > 0 among radii[0], ..., radii[i - 1], for i from 0 to their number.
 void count_in_view(const Buffer<float, Cuda>& radii,
                    Buffer<std::uint32_t, Cuda>& before,
                    Buffer<std::uint8_t, Cuda>& temporary);
 
-/// Finds the places of a view's splats, and keeps room for as many records.
+/// Finds the places of a view's splats and keeps memory for the records.
 template <class Device>
 class PlaceFinder {
 public:
-    /// Overwrites `radii` and `splats`, which has a place for each splat in view on a CPU. On a GPU
-    /// there may turn out to be too few, so that nobody has to wait for their number: ask
-    /// found_room() of splats.in_view, once that is known. project(to) is the Projection of splats
-    /// [0, count) to the records in `to`.
+    /// Overwrites `radii` and `splats`. On a CPU `splats` gets a place for each splat in view. On a
+    /// GPU the places may turn out to be too few, because the host does not wait for the number:
+    /// call found_room(in_view) when splats.in_view is known. project(to) returns the Projection of
+    /// splats [0, count) to the records in `to`.
     template <class Splats, class Project>
     void find(int count, const Project& project, Buffer<float, Device>& radii, Splats& splats) {
         const auto n = static_cast<std::size_t>(count);
@@ -87,10 +88,10 @@ public:
             find_twice(count, project, radii, splats);
     }
 
-    /// False: there was no room for all, and now there is.
+    /// False if there were too few places; then it provides enough for the next find().
     bool found_room(std::size_t in_view) {
         if (in_view <= room_) return true;
-        // With some to spare, as the next view may have more; Buffer leaves more when it grows.
+        // Adds a margin, because the next view may have more. Buffer adds more when it grows.
         room_ = std::min(in_view + in_view / 16, before_.size() - 1);
         return false;
     }
@@ -102,7 +103,7 @@ public:
     }
 
 private:
-    /// Chunks of splats are projected to memory of their thread, and placed in their order.
+    /// Projects chunks of splats to memory of each thread, then places the chunks in order.
     template <class Splats, class Project>
     void find_once(int count, const Project& project, Buffer<float, Cpu>& radii, Splats& splats) {
         constexpr int kChunk = 256;
@@ -149,7 +150,7 @@ private:
         std::copy_n(from.rects.data(), count, to.rects.data() + at);
     }
 
-    /// Their number first, then each of those in view again.
+    /// Counts the splats in view first, then projects them again.
     template <class Splats, class Project>
     void find_twice(int count,
                     const Project& project,
@@ -159,7 +160,7 @@ private:
         parallel_for(Device{}, count, MarkBody<Projection>{project(splats), radii.span()});
         count_in_view(radii, before_, temporary_);
         const std::uint32_t* const all = places(radii).before.data + count;
-        if (room_ == 0) {  // the first view: nothing is known
+        if (room_ == 0) {  // the first view: the number is unknown
             std::uint32_t in_view = 0;
             detail::copy(Device{}, all, Cpu{}, &in_view, sizeof in_view);
             found_room(in_view);

@@ -1,5 +1,5 @@
-// From what the splats of a view add up over its pixels to the gradients of their parameters: what
-// all rasterisers share. Each has a SplatVjp of its own.
+// Second half of the backward pass, shared by all rasterisers: from the sums of the splats over
+// pixels to the gradients of their parameters.
 #pragma once
 
 #include <concepts>
@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 
-/// The parameters of one Gaussian but its colour, or their gradients.
+/// The parameters of one Gaussian without SH coefficients, or their gradients.
 struct SplatGeometry {
     Vec3f mean, log_scale;
     Quatf quat;
@@ -30,13 +30,13 @@ TVSGS_HD inline void add(SplatGeometry& sum, const SplatGeometry& g) {
     sum.opacity_logit += g.opacity_logit;
 }
 
-/// Per NDC unit, of a gradient per px.
+/// Converts a gradient per px to one per NDC unit.
 TVSGS_HD inline Vec2f per_ndc(const TileGrid& grid, Vec2f per_px) {
     return {0.5f * static_cast<float>(grid.width) * per_px.x,
             0.5f * static_cast<float>(grid.height) * per_px.y};
 }
 
-/// What each splat adds up over pixels, as FragmentGradients, and where its statistics go.
+/// Sums of the splats over pixels, as in FragmentGradients, and destinations of their statistics.
 template <class Gradients>
 struct SplatSums {
     SplatPlaces places;
@@ -61,14 +61,14 @@ struct SplatSums {
     }
 };
 
-/// The second half of the way back, of a rasteriser and a set of maps; for both devices.
+/// Second half of the backward pass for one rasteriser and one set of maps, for both devices:
 ///
-///   kColor     whether there are gradients of harmonics
+///   kColor     true if there are gradients of SH coefficients
 ///   sums       a SplatSums
-///   vjp(i, splat, sum, visit)  adds the gradients of Gaussian i, which is `splat`, to `sum`, hands
-///              those of its harmonics to `visit` as sh_color_vjp does, and writes its statistics.
-///              False if it drew nothing: nothing is added or visited then
-///   observe(i) writes the statistics alone
+///   vjp(i, splat, sum, visit)  adds the gradients of Gaussian i (parameters: `splat`) to `sum`,
+///              passes SH gradients to `visit` as sh_color_vjp() does, and writes its statistics.
+///              Returns false, without adding or visiting, if it drew nothing
+///   observe(i) writes only the statistics
 template <class Vjp>
 concept SplatVjp = requires(const Vjp& vjp,
                             const SplatGeometry& splat,
@@ -105,7 +105,7 @@ struct AddGradientsBody {
     }
 };
 
-/// Harmonics whose own gradients nobody wants, only what moves with the camera.
+/// Visitor that ignores gradients of SH coefficients; the camera only needs dL_ddirection.
 struct CameraVisit {
     static constexpr int kGroup = 1;
     const Vec3f* sh;
@@ -119,7 +119,7 @@ struct CameraVisit {
     }
 };
 
-/// What each splat says of the camera.
+/// Computes each splat's contribution to the camera's gradient.
 template <SplatVjp Vjp>
 struct CameraGradientBody {
     Vjp vjp;

@@ -1,5 +1,4 @@
-// What rasterisers share that go through tiles and fuse: results, and the second half of the way
-// back.
+// Base class of the rasterisers with tiles: results, and the second half of the backward pass.
 #pragma once
 
 #include <optional>
@@ -60,8 +59,8 @@ public:
     RenderCounts counts() const final { return {lists_.visible_count, lists_.fragment_count}; }
 
 protected:
-    /// The first half of forward(): finds the splats in view, their colours if there are to be any,
-    /// and their tiles. project() as PlaceFinder has it.
+    /// First half of forward(): finds the splats in view, their colours if requested, and their
+    /// tiles. project() as in PlaceFinder.
     template <class Splats, class Project>
     void list_splats(const Gaussians<Device>& g,
                      const TileGrid& grid,
@@ -95,7 +94,7 @@ protected:
                 statistics_.front_pixels.span()};
     }
 
-    TileLists<Device> lists_;  // of the last forward(), by place; as the images
+    TileLists<Device> lists_;  // of the last forward(), by place; like the images
     RenderedImages<Device> images_;
     Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
     ScreenStatistics<Device> statistics_;
@@ -109,7 +108,7 @@ private:
     }
 
     PlaceFinder<Device> finder_;
-    Buffer<CameraGradient<float>, Device> of_camera_;  // [N] none where no camera moves
+    Buffer<CameraGradient<float>, Device> of_camera_;  // [N] empty if no camera moves
     Buffer<double, Device> partial_;
 };
 

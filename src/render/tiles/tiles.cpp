@@ -19,7 +19,7 @@ void check_fragment_count(std::uint64_t count) {
 
 namespace {
 
-/// Sorts splats by a 32-bit key, stably: three rounds of counting.
+/// Stable sort of splats by a 32-bit key: three rounds of counting sort.
 void sort_by_key(Buffer<std::uint32_t, Cpu>& keys,
                  Buffer<std::uint32_t, Cpu>& splats,
                  Buffer<std::uint32_t, Cpu>& other_keys,
@@ -47,7 +47,7 @@ void detail::list_tiles(Span<const float> depths,
                         TileLists<Cpu>& lists) {
     const std::size_t n = depths.size();
     lists.fragment_counts.resize(n), lists.first_fragment.resize(n);
-    // Chunks of splats note what they meet, so that nothing is tested twice.
+    // Each chunk of splats stores the tiles that it meets, so that nothing is tested twice.
     constexpr std::size_t kChunk = 1024;
     const std::size_t chunks = (n + kChunk - 1) / kChunk;
     std::vector<std::vector<std::uint32_t>> met(chunks);
@@ -57,7 +57,7 @@ void detail::list_tiles(Span<const float> depths,
         find(begin, end, lists.fragment_counts.span(), met[static_cast<std::size_t>(c)]);
     });
 
-    // Splats by depth, then index.
+    // Sorts splats by depth, then index.
     std::size_t visible = 0;
     lists.order.resize(n), lists.depth_keys.resize(n);
     for (std::size_t i = 0; i < n; ++i)
@@ -93,7 +93,7 @@ void detail::list_tiles(Span<const float> depths,
         }
     });
 
-    // A stable counting sort by tile.
+    // Stable counting sort by tile.
     lists.spans.resize(static_cast<std::size_t>(grid.count()));
     lists.spans.fill_zero();
     for (std::uint32_t tile : lists.tile_keys.span()) ++lists.spans[tile].end;

@@ -21,8 +21,8 @@ struct FragmentsOf {
     TVSGS_HD std::uint32_t operator()(std::uint32_t splat) const { return fragment_counts[splat]; }
 };
 
-/// First and last position of each tile, read off the sorted keys; and the sorted fragments'
-/// splats.
+/// Finds first and last position of each tile in the sorted keys, and the splats of the sorted
+/// fragments.
 template <class Key>
 struct TileSpansBody {
     const Key* keys;
@@ -39,7 +39,7 @@ struct TileSpansBody {
     }
 };
 
-/// Runs a CUB operation with the lists' temporary storage, grown outside of any kernel.
+/// Runs a CUB operation with the lists' temporary storage.
 template <class Operation>
 void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Operation& operation) {
     std::size_t bytes = 0;
@@ -48,7 +48,7 @@ void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Operation& oper
     check_cuda(operation(temporary.data(), bytes));
 }
 
-/// Splats with fragments, by depth, then index.
+/// Sorts the splats with fragments by depth, then index.
 void sort_by_depth(Span<const float> depths, TileLists<Cuda>& lists) {
     parallel_for(
         Cuda{}, lists.visible_count,

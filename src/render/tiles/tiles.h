@@ -1,4 +1,4 @@
-// Which splats each tile draws, front to back.
+// Lists of the splats that each tile draws, front to back.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ struct alignas(8) TileRect {
     }
 };
 
-/// Tiles that a box, centre +- extent in px, meets; none of them if it is outside the image.
+/// Tiles that meet the box centre +- extent, px; empty if the box is outside the image.
 TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& grid) {
     const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
                                std::uint16_t& last) {
@@ -48,18 +48,18 @@ TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& g
     return rect;
 }
 
-/// Splats as they appear in a view, all [N], N here those that have a place there
-/// (splat_places.h). One whose rectangle is empty is not in view; its other entries are undefined.
-/// may_draw(shape, low, high) has to be true where the Shape draws at some pixel centre in [low,
-/// high], px; where it draws at none, true costs time and changes nothing.
+/// Splats of a view, all [N]; N counts the splats with a place (splat_places.h). A splat with an
+/// empty rectangle is not in view, and its other entries are undefined. may_draw(shape, low, high)
+/// must return true if the Shape draws at any pixel centre in [low, high], px; a false positive
+/// costs time but changes nothing.
 template <class Device, class Shape, class Features>
 struct ViewSplats {
     Buffer<Shape, Device> shapes;
     Buffer<Features, Device> features;
     Buffer<float, Device> depths;    // z in the camera frame
     Buffer<TileRect, Device> rects;  // tiles that it may meet
-    /// How many splats are in view, perhaps more than have a place; on the device. Null: nobody
-    /// asks.
+    /// Number of splats in view, on the device. It may exceed the number of places. Null: not
+    /// needed.
     const std::uint32_t* in_view = nullptr;
 
     void resize(std::size_t n) {
@@ -67,7 +67,7 @@ struct ViewSplats {
     }
 };
 
-/// Whether a splat may draw in these tiles, not all empty.
+/// True if a splat may draw in these tiles; `tiles` is not empty.
 template <class Shape>
 TVSGS_HD bool meets_tiles(const Shape& shape, const TileGrid& grid, TileRect tiles) {
     const int right = tiles.x1 * kTileSize, bottom = tiles.y1 * kTileSize;
@@ -84,19 +84,19 @@ struct TileSpan {
     std::uint32_t begin, end;
 };
 
-/// A fragment is one (splat, tile) pair. Fragments are numbered by the depth of their splats, then
-/// the splats' index, then tile: so a splat's fragments are contiguous, and a stable sort by tile
-/// leaves every tile's fragments front to back.
+/// A fragment is one (splat, tile) pair. Fragments are numbered by depth of the splat, then index
+/// of the splat, then tile. So a splat's fragments are contiguous, and a stable sort by tile leaves
+/// each tile's fragments front to back.
 template <class Device>
 struct TileLists {
     Buffer<std::uint32_t, Device> fragment_counts;          // [N] 0: draws nothing
-    Buffer<std::uint32_t, Device> first_fragment;           // [N] undefined where there are none
+    Buffer<std::uint32_t, Device> first_fragment;           // [N] undefined if there are none
     Buffer<std::uint32_t, Device> first_fragment_by_depth;  // [visible] the same, front to back
     Buffer<std::uint32_t, Device> fragments;    // [fragments] by tile, then depth, then splat index
-    Buffer<std::uint32_t, Device> splats;       // [fragments] of these fragments
+    Buffer<std::uint32_t, Device> splats;       // [fragments] splat of each
     Buffer<TileSpan, Device> spans;             // [tiles]
     int fragment_count = 0, visible_count = 0;  // visible: splats with fragments
-    std::uint32_t in_view = 0;                  // as ViewSplats has it; 0: null there
+    std::uint32_t in_view = 0;                  // *ViewSplats::in_view; 0 if null
 
     // Scratch.
     Buffer<std::uint64_t, Device> totals;
@@ -107,12 +107,12 @@ struct TileLists {
     Buffer<std::uint8_t, Device> temporary;
 };
 
-/// How the CPU twin finds a splat's tiles; tiles_cpu.h.
+/// Finds a splat's tiles on a CPU; see tiles_cpu.h.
 template <class Shape>
 struct MeetTiles;
 
-/// Overwrites `lists`. Throws Error(ExitCode::memory) when there are 2^31 fragments or more.
-/// Compiled per kind of splats, see tiles_cpu.h and tiles_cuda.h.
+/// Overwrites `lists`. Throws Error(ExitCode::memory) if there are 2^31 fragments or more. Compiled
+/// per type of splat, see tiles_cpu.h and tiles_cuda.h.
 template <class Shape, class Features>
 void build_tile_lists(const ViewSplats<Cpu, Shape, Features>& splats,
                       const TileGrid& grid,
@@ -122,7 +122,7 @@ void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
                       const TileGrid& grid,
                       TileLists<Cuda>& lists);
 
-/// Positive floats order like their bits.
+/// Bits of a positive float, which order like the float.
 TVSGS_HD inline std::uint32_t depth_key(float depth) {
     union {
         float value;
@@ -131,7 +131,7 @@ TVSGS_HD inline std::uint32_t depth_key(float depth) {
     return u.bits;
 }
 
-/// Tile of a rectangle, counted row by row.
+/// Tile number `at` of a rectangle, row by row.
 TVSGS_HD inline TileRect rect_tile(TileRect rect, std::uint32_t at) {
     const std::uint32_t width = static_cast<std::uint32_t>(rect.x1 - rect.x0);
     const auto x = static_cast<std::uint16_t>(rect.x0 + at % width),
@@ -144,7 +144,7 @@ TVSGS_HD inline std::uint32_t tile_index(const TileGrid& grid, TileRect tile) {
 
 inline constexpr std::uint64_t kMaxFragments = (1ull << 31) - 1;
 
-/// Throws when the count does not fit.
+/// Throws if the count is too large.
 void check_fragment_count(std::uint64_t count);
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// The CPU twin of the tile lists, for the .cpp file of a model.
+// CPU version of the tile lists, for the .cpp file of a model.
 #pragma once
 
 #include <functional>
@@ -8,16 +8,16 @@
 
 namespace tvsgs {
 
-/// Which tiles a splat meets, one test after the other. A Shape that can be tested against several
-/// tiles at a time has a specialisation.
+/// Finds the tiles that a splat meets, one test after the other. A Shape with a test of several
+/// tiles at once has a specialisation.
 template <class Shape>
 struct MeetTiles {
     Span<const Shape> shapes;
     Span<const TileRect> rects;
     TileGrid grid;
 
-    /// Writes to `tiles` those of splats [begin, end), splat by splat and row by row, and to
-    /// `counts` how many each has.
+    /// Writes the tiles of splats [begin, end) to `tiles`, splat by splat and row by row, and the
+    /// number of each splat's tiles to `counts`.
     void operator()(std::size_t begin,
                     std::size_t end,
                     Span<std::uint32_t> counts,
@@ -35,13 +35,13 @@ struct MeetTiles {
 
 namespace detail {
 
-/// As MeetTiles::operator().
+/// Signature of MeetTiles::operator().
 using FindTiles = std::function<void(std::size_t begin,
                                      std::size_t end,
                                      Span<std::uint32_t> counts,
                                      std::vector<std::uint32_t>& tiles)>;
 
-/// build_tile_lists() but for finding the tiles.
+/// build_tile_lists() with a function that finds the tiles.
 void list_tiles(Span<const float> depths,
                 const TileGrid& grid,
                 const FindTiles& find,
@@ -57,7 +57,7 @@ void build_tile_lists(const ViewSplats<Cpu, Shape, Features>& splats,
                        MeetTiles<Shape>{splats.shapes.span(), splats.rects.span(), grid}, lists);
 }
 
-/// Compiles all of that for splats of these records.
+/// Instantiates the functions for one type of splat.
 #define TVSGS_TILES_CPU(Shape, Features)                                                     \
     template void build_tile_lists(const ViewSplats<Cpu, Shape, Features>&, const TileGrid&, \
                                    TileLists<Cpu>&);

@@ -1,4 +1,4 @@
-// The CUDA twin of the tile lists, for the .cu file of a model; nvcc only.
+// CUDA version of the tile lists, for the .cu file of a model. For nvcc only.
 #pragma once
 
 #include <utility>
@@ -12,10 +12,10 @@ namespace tiles_detail {
 
 inline constexpr int kThreads = 256;
 inline constexpr std::uint32_t kLaneTiles =
-    6;  // above, a splat's tiles are shared among the warp's lanes
+    6;  // for more tiles than this, the lanes of the warp share the splat
 inline constexpr unsigned kAll = 0xffffffffu;
 
-/// Projected splats as the kernels see them.
+/// Projected splats for the kernels.
 template <class Shape>
 struct Projected {
     TileGrid grid;
@@ -23,14 +23,14 @@ struct Projected {
     Span<const TileRect> rects;
 };
 
-/// How many tiles a splat meets, and which: a bit per candidate where there are at most 32.
+/// Number of tiles that a splat meets, and a bit per candidate if there are at most 32.
 struct TileHits {
     std::uint32_t count = 0, mask = 0;
 };
 
-/// Calls found(splat, position, tile) for the tiles that each lane's splat meets, position counting
-/// them row by row from `first` on; returns the lane's hits. test_of(splat, candidates) gives the
-/// test of a splat's tiles. To be called by whole warps; has_splat false: no splat.
+/// Calls found(splat, position, tile) for the tiles that each lane's splat meets; positions count
+/// row by row from `first`. Returns the lane's hits. test_of(splat, candidates) returns the test of
+/// a splat's tiles. Whole warps must call it; has_splat = false: the lane has no splat.
 template <class Shape, class TestOf, class Found>
 __device__ TileHits walk_tiles(const Projected<Shape>& in,
                                bool has_splat,
@@ -76,7 +76,7 @@ __device__ TileHits walk_tiles(const Projected<Shape>& in,
     return hits;
 }
 
-/// By the splat's shape.
+/// Tests tiles with the splat's shape.
 template <class Shape>
 struct ShapeTest {
     TileGrid grid;
@@ -86,7 +86,7 @@ struct ShapeTest {
     }
 };
 
-/// By the shape's answers while tiles were counted, where these were kept; else by the shape again.
+/// Tests tiles with the bits kept from counting, or with the shape if there are none.
 template <class Shape>
 struct KeptTest {
     bool kept;
@@ -97,7 +97,8 @@ struct KeptTest {
     }
 };
 
-/// totals[1] gets the sum of all counts added: integers, so in any order; totals[2] *in_view.
+/// Counts the tiles of each splat. Adds all counts to totals[1] (integers, so any order gives the
+/// same sum) and writes *in_view to totals[2].
 template <class Shape>
 __global__ void __launch_bounds__(kThreads)
     count_fragments_kernel(Projected<Shape> in,
@@ -125,7 +126,7 @@ __global__ void __launch_bounds__(kThreads)
     if (i == 0 && in_view != nullptr) totals[2] = *in_view;
 }
 
-/// Fragments of the splats in their order by depth; `first_of` holds the first one of each.
+/// Emits the fragments of the splats in order of depth. `first_of`: first fragment of each.
 template <class Shape, class Key>
 __global__ void __launch_bounds__(kThreads)
     emit_fragments_kernel(Projected<Shape> in,
@@ -154,17 +155,17 @@ __global__ void __launch_bounds__(kThreads)
         });
 }
 
-/// From the counts of fragments: lists.order has the splats with fragments by depth, then index,
-/// first_fragment_by_depth the first fragment of each, and what is per fragment has room. The one
-/// host synchronisation of a render.
+/// Computes, from the counts of fragments, lists.order (splats with fragments by depth, then index)
+/// and first_fragment_by_depth, and resizes the arrays of fragments. The only host synchronisation
+/// of a render.
 void order_splats(Span<const float> depths, TileLists<Cuda>& lists);
 
-/// Whether tile_keys are of 16 bits; else they are of 32.
+/// True if tile_keys have 16 bits; else they have 32.
 inline bool has_short_keys(const TileGrid& grid) {
     return grid.count() <= 1 << 16;
 }
 
-/// From the fragments as they were emitted to those of each tile.
+/// Sorts the emitted fragments by tile.
 void sort_fragments(const TileGrid& grid, TileLists<Cuda>& lists);
 
 template <class Key, class Shape>
@@ -206,7 +207,7 @@ void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
     sort_fragments(grid, lists);
 }
 
-/// Compiles all of that for splats of these records.
+/// Instantiates the functions for one type of splat.
 #define TVSGS_TILES_CUDA(Shape, Features)                                                     \
     template void build_tile_lists(const ViewSplats<Cuda, Shape, Features>&, const TileGrid&, \
                                    TileLists<Cuda>&);

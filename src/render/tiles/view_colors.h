@@ -1,4 +1,4 @@
-// Colours of the splats in view, after their projection; renders without colour skip them.
+// Colours of the splats in view. A separate pass after projection; renders without colour skip it.
 #pragma once
 
 #include "render/backbone.h"
@@ -7,7 +7,7 @@
 
 namespace tvsgs {
 
-/// Where colours are seen from, and the degree in use.
+/// Viewpoint of the colours and degree of the SH.
 struct ViewColors {
     Vec3f centre;  // of the camera, world
     int sh_degree;

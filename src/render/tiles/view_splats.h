@@ -1,5 +1,4 @@
-// Splats of one view that are drawn as ellipses: what the projection knows of the view, and where
-// each is in the image; for both devices.
+// Projection of splats to ellipses of one view, for both devices.
 #pragma once
 
 #include "render/ewa/projection_math.h"
@@ -8,10 +7,11 @@
 
 namespace tvsgs {
 
-/// px^2, added to the covariance of an ellipse: none is thinner than about a pixel.  [Kerbl23]
+/// px^2, added to the covariance of an ellipse, so that none is thinner than about a pixel.
+/// [Kerbl23]
 inline constexpr float kLowPassPx2 = 0.3f;
 
-/// What the projection of a Gaussian needs to know of the view.
+/// Parameters of the view for the projection of a Gaussian.
 struct ViewParameters {
     Pinhole<float> camera;
     Vec3f centre;  // of the camera, world
@@ -20,15 +20,15 @@ struct ViewParameters {
     float near, low_pass;
 };
 
-/// Where a splat is in the image. No tiles: it is not in view, and the rest means nothing.
+/// A splat in the image. Without tiles it is not in view, and the other members are not valid.
 struct ViewEllipse {
     SplatShape<float> shape;
     TileRect rect;
-    float radius;  // the 3-sigma radius of 3DGS, px: statistics only, tiles come from an exact test
+    float radius;  // 3-sigma radius of 3DGS, px; only for statistics, tiles use an exact test
 };
 
-/// Of a splat at `p`, in front of the camera; `R`: world_from_gaussian. It is not drawn where the
-/// determinant of its covariance in the image, px^4, is not above `least_det`.
+/// Projects a splat at `p`, in front of the camera. `R`: world_from_gaussian. The splat is not
+/// drawn unless the determinant of its image covariance, px^4, exceeds `least_det`.
 TVSGS_HD inline ViewEllipse view_ellipse(const ViewParameters& view,
                                          Vec3f p,
                                          const Mat3f& R,
@@ -42,7 +42,7 @@ TVSGS_HD inline ViewEllipse view_ellipse(const ViewParameters& view,
     out.shape = {project_point(view.camera, p), ellipse_root(e), opacity, splat_reach(opacity)};
     const TileGrid& grid = view.grid;
     const TileRect rect = tile_rect(out.shape.mean, splat_extent(out.shape), grid);
-    // Which of the tiles it meets is tested where their lists are built.
+    // Construction of the lists tests the single tiles.
     if (rect.count() == 0 || !meets_tiles(out.shape, grid, rect)) return out;
     out.rect = rect;
     const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);
