@@ -10,7 +10,7 @@
 namespace tvsgs {
 namespace {
 
-/// scale * x + shift ~ y, where an error of y times `unit` is one of depth in shares of it.
+/// scale * x + shift ~ y. An error of y times `unit` is the relative error of depth.
 struct Equation {
     double x, y, unit;
 };
@@ -49,7 +49,7 @@ double median_error(const Equations& equations, Line line, std::vector<double>& 
     return median_of(scratch);
 }
 
-/// Which of the two numbers are to be found.
+/// The numbers to find.
 struct Unknowns {
     bool scale, shift;
 };
@@ -61,7 +61,7 @@ Unknowns unknowns_of(const PriorReading& reading) {
     return {!log, log};
 }
 
-/// Least squares with weights; about the mean, so that nothing cancels.
+/// Weighted least squares, about the mean to avoid cancellation.
 Line weighted_line(const Equations& equations,
                    const std::vector<double>& weights,
                    Unknowns unknown,
@@ -85,7 +85,7 @@ Line weighted_line(const Equations& equations,
     return {scale, unknown.shift ? mean_y - scale * mean_x : from.shift};
 }
 
-/// Through medians; of two unknowns by the mean absolute deviations (3DGS).
+/// Fit by medians; for two unknowns by mean absolute deviations (3DGS).
 Line median_line(const Equations& equations, Unknowns unknown) {
     std::vector<double> x, y, ratio, offset;
     for (const Equation& e : equations) {
@@ -103,7 +103,7 @@ Line median_line(const Equations& equations, Unknowns unknown) {
     return {scale, middle_y - scale * middle_x};
 }
 
-/// The best start in the median; of at most 300 equations, which is enough to tell.
+/// Start with the smallest median error over at most 300 equations, which suffice.
 Line first_line(const Equations& equations, Unknowns unknown) {
     constexpr std::size_t kMost = 300;
     constexpr std::uint64_t kTries = 100;
@@ -155,7 +155,7 @@ Line refine(const Equations& equations, Unknowns unknown, Line line) {
     return line;
 }
 
-/// Is the spread of the values more than rounding? Relative, of the squares.
+/// True if the spread of the values exceeds rounding. Relative, in squares.
 bool varies(const Equations& equations) {
     double mean = 0, spread = 0;
     const auto count = static_cast<double>(equations.size());
@@ -211,7 +211,7 @@ double rank_correlation(const PriorSamples& samples) {
                   [&](std::size_t a, std::size_t b) { return key(samples[a]) < key(samples[b]); });
         std::vector<double> rank(samples.size());
         for (std::size_t i = 0; i < order.size();) {
-            std::size_t end = i + 1;  // equal ones share their mean rank
+            std::size_t end = i + 1;  // equal values share their mean rank
             while (end < order.size() && key(samples[order[end]]) == key(samples[order[i]])) ++end;
             for (std::size_t k = i; k < end; ++k)
                 rank[order[k]] = 0.5 * static_cast<double>(i + end - 1);

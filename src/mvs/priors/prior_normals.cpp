@@ -12,7 +12,7 @@ namespace tvsgs {
 
 std::vector<Vec3f> cloud_normals(const std::vector<Vec3f>& points) {
     constexpr std::size_t kNeighbours = 12;
-    constexpr double kFlat = 0.1;  // of the variances: across over along the plane
+    constexpr double kFlat = 0.1;  // largest ratio of variances, across to along the plane
     std::vector<Vec3f> normals(points.size());
     if (points.size() < kNeighbours) return normals;
     const PointTree<float> tree(points);

@@ -1,4 +1,4 @@
-// What the numbers of prior depth maps are, by which reading fits the points.
+// Detection of the meaning of prior depth maps by the reading that fits the points.
 #include <algorithm>
 #include <cmath>
 
@@ -10,9 +10,9 @@ namespace {
 
 constexpr std::size_t kFewestToTest = 20;  // points in a view
 constexpr PriorAlignment kAlignments[] = {PriorAlignment::metric, PriorAlignment::scale,
-                                          PriorAlignment::affine};  // by unknowns
+                                          PriorAlignment::affine};  // by number of unknowns
 
-/// A reading with how well it fits each of the tested views.
+/// A reading and its residuals in the tested views.
 struct Tested {
     PriorReading reading;
     std::vector<double> residuals{};
@@ -34,8 +34,8 @@ int unknowns(PriorAlignment alignment) {
     return alignment == PriorAlignment::affine ? 2 : alignment == PriorAlignment::scale ? 1 : 0;
 }
 
-/// By more than noise: a fifth less, a thousandth of the depth at least, in seven of ten views;
-/// half of it where there is more to adapt.
+/// True if the residual is smaller by more than noise: by a fifth, by at least a thousandth of the
+/// depth, and in seven of ten views. With more unknowns it must be half.
 bool is_clearly_better(const Tested& a, const Tested& b) {
     const double share = unknowns(a.reading.alignment) > unknowns(b.reading.alignment) ? 0.5 : 0.8;
     if (!(a.residual < share * b.residual && a.residual < b.residual - 1e-3)) return false;
@@ -63,7 +63,8 @@ std::string table_of(const std::vector<Tested>& tested) {
     return text;
 }
 
-/// The rank correlation of values and depth that a reading wants, median over the views.
+/// Agreement of values and depth with the order that a quantity implies: rank correlation, median
+/// over the views.
 double agreement(const std::vector<const PriorSamples*>& views, PriorQuantity quantity) {
     std::vector<double> all;
     for (const PriorSamples* samples : views) all.push_back(rank_correlation(*samples));
@@ -72,7 +73,7 @@ double agreement(const std::vector<const PriorSamples*>& views, PriorQuantity qu
     return quantity == PriorQuantity::inverse_depth ? -*middle : *middle;
 }
 
-/// All with the alignment of the convention, or with more to adapt.
+/// All readings with the alignment of the convention or with more unknowns.
 std::vector<PriorReading> readings(PriorAlignment least) {
     std::vector<PriorReading> all;
     for (const PriorAlignment alignment : kAlignments)
@@ -84,7 +85,7 @@ std::vector<PriorReading> readings(PriorAlignment least) {
     return all;
 }
 
-/// Against the order alone.
+/// Tests only the order.
 PriorReading choose_order(const std::vector<const PriorSamples*>& views,
                           const DepthConvention& convention,
                           PriorReading usual,
@@ -136,7 +137,7 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
         return choice;
     }
 
-    // 1. All readings; those that may be taken first, then those that help to say what is wrong.
+    // 1. Tests all readings. Those that `convention` excludes help to explain an error.
     std::vector<Tested> tested;
     for (const PriorReading& reading : readings(usual.alignment))
         tested.push_back(test_reading(reading, used));
@@ -147,7 +148,7 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
                              (convention.geometry == PriorGeometry::unknown ||
                               r.geometry == convention.geometry));
     };
-    // 2. The usual one, unless another is clearly better; the fewest unknowns first.
+    // 2. Keeps the assumed reading unless another is clearly better; fewest unknowns first.
     Tested chosen = *std::find_if(tested.begin(), tested.end(), [&](const Tested& t) {
         return t.reading.quantity == usual.quantity && t.reading.geometry == usual.geometry &&
                t.reading.alignment == usual.alignment;
@@ -160,7 +161,7 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
         chosen = best_of(open);
     }
 
-    // 3. What speaks against it.
+    // 3. Reports contradictions.
     std::vector<Tested> alike;
     for (const Tested& t : tested)
         if (t.reading.alignment == usual.alignment) alike.push_back(t);

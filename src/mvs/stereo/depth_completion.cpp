@@ -11,29 +11,29 @@ namespace {
 
 constexpr float kGreyScale = 0.04f;   // of an edge of the photograph
 constexpr float kSmoothness = 0.05f;  // more moves measured pixels, less keeps their noise
-constexpr int kSteps = 200;           // at most, at each size
-constexpr double kResidual = 1e-5;    // of the right-hand side, where the iteration ends
+constexpr int kSteps = 200;           // at most, per size
+constexpr double kResidual = 1e-5;    // relative to the right-hand side; ends the iteration
 constexpr int kCoarsest = 8;          // px
 
 using Values = std::vector<double>;
 
-/// As parallel_for(), for loops of which there are hundreds: small ones are not worth the threads.
+/// Like parallel_for(), but serial for small loops, of which there are hundreds.
 template <class Body>
 void for_each_pixel(std::size_t count, const Body& body) {
 #pragma omp parallel for schedule(static) if (count > 65536)
     for (std::size_t i = 0; i < count; ++i) body(i);
 }
 
-/// The same problem at one size, in inverse depth.
+/// The problem at one size, in inverse depth.
 struct Level {
     std::size_t width, height;
-    Values weight, value;  // of what is known; weight 0: not known
+    Values weight, value;  // of known depths; weight 0: unknown
     std::vector<float> grey;
     std::vector<char> inside;
 };
 
-/// Half as wide and high. Weights add up, so what is known weighs as much against smoothness, whose
-/// sum over neighbours does not depend on the size.
+/// Halves width and height. Weights add up, so known depths keep their weight relative to the
+/// smoothness, whose sum over neighbours does not depend on the size.
 Level halved(const Level& fine) {
     const std::size_t w = (fine.width + 1) / 2, h = (fine.height + 1) / 2;
     Level coarse{
@@ -54,7 +54,7 @@ Level halved(const Level& fine) {
     return coarse;
 }
 
-/// The matrix, by what stands on its diagonal and beside it.
+/// The matrix: its diagonal and the entries beside it.
 struct System {
     std::size_t width;
     Values diagonal;     // 0: not a pixel of the system
@@ -68,7 +68,7 @@ struct System {
         const auto edge = [&](std::size_t p, std::size_t q) {
             if (!level.inside[p] || !level.inside[q]) return 0.0;
             const double step = static_cast<double>(std::abs(level.grey[p] - level.grey[q]));
-            // Not so small that a region loses its neighbours.
+            // The minimum keeps every region connected to its neighbours.
             const double e = static_cast<double>(kSmoothness) *
                              std::max(std::exp(-step / static_cast<double>(kGreyScale)), 1e-6);
             diagonal[p] += e, diagonal[q] += e;
@@ -98,7 +98,7 @@ struct Product {
     }
 };
 
-/// Solves system * x = b from x on, with the diagonal for a preconditioner.
+/// Solves system * x = b, starting from x, with the diagonal as the preconditioner.
 void conjugate_gradients(const System& system, const Values& b, Values& x) {
     const std::size_t n = b.size();
     Values r(n), z(n), p(n), q(n), partial(kSumBlocks);
@@ -121,7 +121,7 @@ void conjugate_gradients(const System& system, const Values& b, Values& x) {
     for (int step = 0; step < kSteps && dot(r, r) > enough; ++step) {
         for_each_pixel(n, [&](std::size_t at) { q[at] = system.times(p, at); });
         const double along = dot(p, q);
-        if (!(along > 0)) break;  // nothing left to gain
+        if (!(along > 0)) break;  // converged
         const double alpha = rz / along;
         for_each_pixel(n, [&](std::size_t at) {
             x[at] += alpha * p[at];
@@ -134,8 +134,8 @@ void conjugate_gradients(const System& system, const Values& b, Values& x) {
     }
 }
 
-/// From the solution at half the size on: a step of the iteration reaches one pixel far, and holes
-/// are wider than there are steps.
+/// Starts from the solution at half the size: an iteration propagates by one pixel, and holes are
+/// wider than the number of iterations.
 Values solve(const Level& level) {
     const System system(level);
     const std::size_t n = level.weight.size();
@@ -179,7 +179,7 @@ std::vector<float> complete_depth(const SparseDepth& known) {
     std::vector<float> depth(n);
     if (count == 0) return depth;
 
-    const double unit = sum / count;  // numbers of about 1, whatever the scene's
+    const double unit = sum / count;  // scales values to about 1 for any scene
     for (double& v : level.value) v /= unit;
     const Values z = solve(level);
     for (std::size_t at = 0; at < n; ++at)

@@ -1,4 +1,4 @@
-// Which depths are believed, and the points they fuse to, pixel by pixel.
+// Filtering of depth maps by consistency between views, and their fusion to points, pixel by pixel.
 #pragma once
 
 #include "core/scene/scene.h"
@@ -6,15 +6,15 @@
 
 namespace tvsgs {
 
-/// When another view's surface is the same one.
+/// Limits within which the surfaces of two views are the same.
 struct Agreement {
     float reprojection_px, relative_depth, normal_cosine;
-    int sources;  // that must agree; 0: one where few can see the point, else two
+    int sources;  // that must agree; 0: one if few can see the point, else two
 };
 
-/// How many sources must agree. Those can see a point that have it in their photograph, look at its
-/// front and see nothing nearer in its direction. More than a few of them could contradict a match
-/// by chance; where views stand far apart there may be only one to confirm it.
+/// Number of sources that must agree. A source can see a point if the point lies in its photograph,
+/// shows its front, and nothing nearer is in its direction. Among many sources one may confirm a
+/// wrong match by chance; among few, only one may be able to confirm it.
 TVSGS_HD inline int agreement_needed(const Agreement& limits,
                                      const StereoPass& pass,
                                      Vec3f point,
@@ -35,7 +35,7 @@ TVSGS_HD inline int agreement_needed(const Agreement& limits,
     return can_see > kFew ? 2 : 1;
 }
 
-/// The source's pixel that shows the same surface, or -1. `normals` as `depths` are of all views.
+/// The source's pixel that shows the same surface, or -1. `planes` and `depths`: of all views.
 TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
                                           const Camera& reference,
                                           Vec3f point,
@@ -56,10 +56,10 @@ TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
 
 enum Uniqueness : std::uint8_t { kNoDepth, kUnique, kRepeated };
 
-/// A depth is believed when enough sources saw the same surface, under a sufficient angle, and look
-/// like it; confidence = share of the sources x clamp(1.2 - cost).
+/// Keeps a depth if enough sources see the same surface, at a sufficient angle, with similar
+/// patches. confidence = share of agreeing sources x clamp(1.2 - cost).
 struct FilterBody {
-    static constexpr float kMaxCost = 1;         // 1 - correlation: unrelated patches have it
+    static constexpr float kMaxCost = 1;         // 1 - correlation; that of unrelated patches
     static constexpr int kRepetitionRange = 64;  // px searched for second matches
     StereoPass pass;
     Agreement limits;
@@ -78,7 +78,7 @@ struct FilterBody {
         const SurfacePlane plane = pass.planes[at];
         const int x = i % pass.camera.width_px, y = i / pass.camera.width_px;
         if (!(plane.depth > 0)) return;
-        // Surfaces at the ends of the range may lie beyond it.
+        // Surfaces near the ends of the depth range may lie beyond it.
         const float share =
             (1 / plane.depth - pass.far_inverse) / (pass.near_inverse - pass.far_inverse);
         if (!(share > 0.02f && share < 0.98f)) return;
@@ -112,10 +112,10 @@ struct FilterBody {
     }
 
 private:
-    /// Whether the patch looks as good elsewhere on its viewing ray: a repeated texture, of which
-    /// no likeness tells the right piece. Looked for within kRepetitionRange pixels of the source
-    /// where it moves fastest, in steps of a pixel; the dip in cost must be one of its own, behind
-    /// a rise. Its bottom, between the steps, is that of a parabola.
+    /// True if the patch matches equally well elsewhere on its viewing ray: a repeated texture, for
+    /// which the cost cannot tell the right match. Searches kRepetitionRange pixels in the source
+    /// where the patch moves fastest, in steps of a pixel, for a separate minimum of the cost
+    /// behind a rise. A parabola gives the minimum between the steps.
     TVSGS_HD bool is_repeated(int x,
                               int y,
                               const ReferencePatch& patch,
@@ -134,11 +134,11 @@ private:
         }
         for (int sign = -1; sign <= 1; sign += 2) {
             bool risen = false;
-            float before = best, last = best;  // costs of the two steps before
+            float before = best, last = best;  // costs of the two preceding steps
             for (int step = 1; step <= kRepetitionRange; ++step) {
                 const float move = static_cast<float>(sign * step) / fastest;
                 if (!pass.in_range(1 / (1 / plane.depth + move))) break;
-                float cost = 0;  // enough of the sum to see that there is no dip
+                float cost = 0;  // sums only until a minimum is impossible
                 for (int k = 0; k < count && cost < (best + 4 * kRise) * static_cast<float>(count);
                      ++k) {
                     const SourceView& source = pass.sources[static_cast<std::size_t>(which[k])];
@@ -161,8 +161,8 @@ private:
     }
 };
 
-/// Where most depths around a pixel are those of a repeated texture, none is believed: single ones
-/// are alike by chance.
+/// Drops all depths around a pixel if most of them have a repeated texture: the others match by
+/// chance.
 struct DropRepeatedBody {
     int width, height;
     Span<const std::uint8_t> uniqueness;   // of this view
@@ -185,13 +185,14 @@ struct DropRepeatedBody {
     }
 };
 
+/// One point of the fused cloud.
 struct FusedPoint {
     Vec3f position, normal;   // world frame
     float confidence = 0;     // 0: no point
     std::uint32_t color = 0;  // 0xBBGGRR
 };
 
-/// Pixels whose filtered depth enough sources agree with, to the limits of fusion.
+/// Marks pixels whose filtered depth agrees with enough sources, within the limits of the fusion.
 struct ConfirmBody {
     StereoPass pass;
     Agreement limits;
@@ -217,8 +218,8 @@ struct ConfirmBody {
     }
 };
 
-/// The mean of what the views that agree saw. A surface seen by several views is fused by the first
-/// of them, so that its points appear once, whatever the order of the work.
+/// Mean of the surfaces of all agreeing views. The first view that sees a surface fuses it, so its
+/// points appear once, independent of the order of execution.
 struct FuseBody {
     StereoPass pass;
     Agreement limits;

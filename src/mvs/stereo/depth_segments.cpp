@@ -9,7 +9,7 @@ namespace tvsgs {
 namespace {
 
 constexpr float kSameSurface = 0.01f;     // relative jump of depth
-constexpr std::size_t kMinSegment = 100;  // px; wrong depths agree by chance in small pieces
+constexpr std::size_t kMinSegment = 100;  // px; wrong depths agree by chance in small segments
 
 void clear_small_segments(const DepthMapSpan& map) {
     const int count = map.width * map.height;

@@ -11,16 +11,16 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kLeastContrast = 0.01f;  // of grey values, which go from 0 to 1
+constexpr float kLeastContrast = 0.01f;  // of grey values in [0, 1]
 constexpr int kOrientations = 8, kRings = 4;
 constexpr float kPi = 3.14159265358979f;
 
-/// Beyond the border are the pixels on it.
+/// Repeats the border.
 float pixel(const ImageF& image, int x, int y) {
     return image.at(std::clamp(x, 0, image.width - 1), std::clamp(y, 0, image.height - 1));
 }
 
-/// Between pixel centres, which lie at whole numbers here.
+/// Interpolates between pixel centres, which have integer coordinates here.
 float between(const ImageF& image, float x, float y) {
     const float left = std::floor(x), top = std::floor(y), u = x - left, v = y - top;
     const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
@@ -28,8 +28,8 @@ float between(const ImageF& image, float x, float y) {
            v * ((1 - u) * pixel(image, x0, y0 + 1) + u * pixel(image, x0 + 1, y0 + 1));
 }
 
-/// The grey photograph at half its size (rounded up), or further down; the means of 2 x 2 pixels
-/// where that is even.
+/// Shrinks the grey photograph to half its size (rounded up) or smaller; means of 2 x 2 pixels if
+/// the size is even.
 ImageF shrunk(const ImageF& image, int width, int height) {
     ImageF out(width, height, 1);
     const float sx = static_cast<float>(image.width) / static_cast<float>(width),
@@ -55,7 +55,7 @@ ImageF grey_at(const ImageU8& photo, int width, int height) {
     return grey;
 }
 
-/// Convolved with a Gaussian of that deviation, px.
+/// Convolves with a Gaussian of standard deviation `sigma`, px.
 ImageF blurred(const ImageF& image, float sigma) {
     const int reach = static_cast<int>(std::ceil(3 * sigma));
     std::vector<float> weights;
@@ -83,8 +83,8 @@ ImageF blurred(const ImageF& image, float sigma) {
     return out;
 }
 
-/// How strong edges of eight directions are around each pixel, over four distances. Each distance
-/// counts alike: what all directions share says nothing and goes, the rest has a length of about 1.
+/// Strength of edges in eight directions around each pixel, at four distances. Each distance is
+/// normalised: it loses the mean over the directions, then gets a length of about 1.
 void describe_orientations(const ImageF& grey, float roll_rad, ViewMap& map) {
     const ImageF smooth = blurred(grey, 1);
     std::array<ImageF, kOrientations> edges;
@@ -121,7 +121,7 @@ void describe_orientations(const ImageF& grey, float roll_rad, ViewMap& map) {
             std::fill_n(&map.values[kDescriptorChannels * i], kDescriptorChannels, 0.0f);
 }
 
-/// Whether points on four rings around each pixel are brighter or darker than it.
+/// Compares points on four rings around each pixel with the pixel.
 void describe_census(const ImageF& grey, float roll_rad, ViewMap& map) {
     const ImageF smooth = blurred(grey, 0.7f);
     std::vector<Vec2f> offsets;
@@ -172,7 +172,7 @@ ViewMap describe_photo(const ImageU8& photo,
 
 float image_roll(const Camera& camera, Vec3f up) {
     const Vec3f there = camera.camera_from_world.R * up;
-    constexpr float kLeast = 0.1f;  // nearer to the axis its direction in the image says little
+    constexpr float kLeast = 0.1f;  // nearer to the axis the direction in the image is unreliable
     if (!(there.x * there.x + there.y * there.y > kLeast * kLeast)) return 0;
     return std::atan2(there.x, -there.y);
 }

@@ -1,4 +1,4 @@
-// Descriptors of photographs without a network: what stands in for learned features.
+// Hand-crafted descriptors of photographs, in place of learned features.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-/// orient: directions of edges around a pixel, near and far; wide basins, whatever the exposure.
-/// census: differences to points around a pixel; sharper and narrower.
+/// orient: directions of edges around a pixel, near and far; converges from far and ignores
+/// exposure. census: differences to points around a pixel; sharper, but converges only from near.
 enum class Descriptor { orient, census };
 
 struct DescriptorOptions {
@@ -27,9 +27,9 @@ struct DescriptorOptions {
 
 inline constexpr int kDescriptorChannels = 32;
 
-/// Of a photograph [H W 3] at width_px x height_px, as a map [height_px width_px 32] of that name.
-/// 0 where there is too little contrast to tell places apart. Lengths are pixels of the map.
-/// `roll_rad`: by how much the photograph is turned, from x towards y; the descriptors are not.
+/// Describes a photograph [H W 3], resized to width_px x height_px, as a map `name` [height_px
+/// width_px 32]. 0 where the contrast is too low. Lengths are in pixels of the map. `roll_rad`:
+/// rotation of the photograph from x towards y, which the descriptors compensate.
 ViewMap describe_photo(const ImageU8& photo,
                        Descriptor kind,
                        const std::string& name,
@@ -37,13 +37,13 @@ ViewMap describe_photo(const ImageU8& photo,
                        int height_px,
                        float roll_rad = 0);
 
-/// By how much the image of `camera` is turned against one in which the world's direction `up`
-/// points upwards, from x towards y; 0 where the camera looks along it.
+/// Rotation of the image of `camera`, from x towards y, against an image in which the world
+/// direction `up` points upwards; 0 if the camera looks along `up`.
 float image_roll(const Camera& camera, Vec3f up);
 
-/// Adds the maps `features` and `coarse_features`, a half and a quarter of each photograph's size,
-/// to all views; these must not have them. Cameras may be rolled: directions count from what is up
-/// in the first view. Returns the bytes that the maps take.
+/// Adds the maps `features` and `coarse_features`, of a half and a quarter of each photograph's
+/// size, to all views, which must not have them. Compensates the roll of the cameras: up is defined
+/// by the first view. Returns the bytes of the maps.
 std::int64_t add_descriptors(Descriptor kind, std::vector<View>& views);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// Formulas of PatchMatch stereo for one pixel: planes, their homographies, the bilaterally weighted
-// correlation of patches, and what one view's depth says about another's.
+// Formulas of PatchMatch stereo for one pixel: planes, their homographies, the weighted correlation
+// of patches, and the cross-check with another view's depth.
 #pragma once
 
 #include <cmath>
@@ -12,25 +12,25 @@ namespace tvsgs {
 
 inline constexpr int kMaxSources = 8;    // per reference view; also the bits of a mask of views
 inline constexpr int kMaxPatchSide = 8;  // samples per side of a patch, two pixels apart
-inline constexpr float kWorstCost = 2;   // 1 - correlation of patches that oppose each other
-// Grey values in [0, 1] of a patch that vary less, by 0.8 of 255 steps, are no texture.
+inline constexpr float kWorstCost = 2;   // 1 - correlation of inverted patches
+// Minimum variance of a textured patch, grey values in [0, 1]: a deviation of 0.8 of 255 levels.
 inline constexpr float kMinVariance = 1e-5f;
-inline constexpr float kMinFacing = 0.05f;  // planes seen flatter than that project to no area
+inline constexpr float kMinFacing = 0.05f;  // planes seen at a flatter angle project to no area
 
-/// A piece of surface in the frame of the camera that sees it: unit normal towards the camera, and
-/// the depth (z) at the pixel that holds it; 0: none.
+/// A surface element in the frame of its camera: unit normal towards the camera, and depth (z) at
+/// its pixel; 0: none.
 struct alignas(16) SurfacePlane {
     Vec3f normal;
     float depth = 0;
 };
 
-/// Depth along `ray` of the plane that a pixel with ray `own_ray` holds; 0 where they do not meet.
+/// Depth along `ray` of the plane through the pixel with ray `own_ray`; 0 if they do not meet.
 TVSGS_HD inline float depth_on_ray(const SurfacePlane& plane, Vec3f own_ray, Vec3f ray) {
     const float slope = dot(plane.normal, ray);
     return slope < -kMinFacing ? plane.depth * dot(plane.normal, own_ray) / slope : 0;
 }
 
-/// One source view as the reference view needs it.
+/// A source view relative to the reference view.
 struct SourceView {
     Camera camera;
     int view = 0, first_pixel = 0;  // its images start there
@@ -39,14 +39,13 @@ struct SourceView {
     Vec3f epipole;             // K_source t
 };
 
-/// Source pixels (homogeneous) of a patch around a reference pixel: at_centre + dx per_x + dy
-/// per_y.
+/// Homogeneous source pixels of a patch around a reference pixel: at_centre + dx per_x + dy per_y.
 struct PatchWarp {
     Vec3f at_centre, per_x, per_y;
 };
 
-/// The homography of a plane, H = K_s (R + t n^T / d) K_r^-1 with n . X = d, around the centre of
-/// pixel (x, y).  [Zheng14, Eq. 2]
+/// Homography of a plane, H = K_s (R + t n^T / d) K_r^-1 with n . X = d, around the centre of pixel
+/// (x, y).  [Zheng14, Eq. 2]
 TVSGS_HD inline PatchWarp plane_warp(
     const SourceView& source, const Camera& reference, int x, int y, const SurfacePlane& plane) {
     const Mat3f& M = source.pixels_at_infinity;
@@ -58,13 +57,13 @@ TVSGS_HD inline PatchWarp plane_warp(
             column(M, 1) + (plane.normal.y / reference.fy_px * inverse_distance) * source.epipole};
 }
 
-/// The warp with the patch moved along the viewing rays by `step` in inverse depth, which moves its
-/// image along the epipolar line and leaves its shape.
+/// The warp after moving the patch along the viewing rays by `step` in inverse depth. Its image
+/// moves along the epipolar line and keeps its shape.
 TVSGS_HD inline PatchWarp moved(const PatchWarp& warp, const SourceView& source, float step) {
     return {warp.at_centre + step * source.epipole, warp.per_x, warp.per_y};
 }
 
-/// Pixels that the image of a warp's centre moves per unit of inverse depth.
+/// Pixels by which the image of a warp's centre moves per unit of inverse depth.
 TVSGS_HD inline float pixels_per_step(const PatchWarp& warp, const SourceView& source) {
     const float u = warp.at_centre.x / warp.at_centre.z, v = warp.at_centre.y / warp.at_centre.z;
     const float du = (source.epipole.x - u * source.epipole.z) / warp.at_centre.z;
@@ -82,12 +81,12 @@ struct GreyImage {
         y = y < 0 ? 0 : y >= height ? height - 1 : y;
         return pixels[static_cast<std::size_t>(y) * width + x];
     }
-    /// Pixel coordinates, `margin` away from the border.
+    /// True if the pixel coordinates are at least `margin` away from the border.
     TVSGS_HD bool contains(float u, float v, float margin) const {
         return u >= margin && u < static_cast<float>(width) - margin && v >= margin &&
                v < static_cast<float>(height) - margin;
     }
-    /// At (u, v) counted from the centre of the first pixel.
+    /// Values at (u, v), counted from the centre of the first pixel.
     template <bool kClamp>
     TVSGS_HD Lanes4 bilinear(Lanes4 u, Lanes4 v) const {
         if constexpr (kClamp) {
@@ -110,8 +109,7 @@ struct GreyImage {
 };
 
 /// The reference side of the correlation, shared by all hypotheses of a pixel: samples at offsets
-/// -(side - 1), -(side - 3), ..., side - 1 in x and y, in quads of 2 x 2, which processors like to
-/// work on at once.
+/// -(side - 1), -(side - 3), ..., side - 1 in x and y, in groups of 2 x 2 for vector instructions.
 struct ReferencePatch {
     int side = 0;  // even
     float mean = 0, variance = 0;
@@ -119,7 +117,7 @@ struct ReferencePatch {
     float weighted[kMaxPatchSide * kMaxPatchSide];  // weight x (value - mean): sum 0
 };
 
-/// Samples near the centre, in the image and in grey value, count most.  [ACMM]
+/// Samples near the centre, in position and in grey value, get the largest weights.  [ACMM]
 TVSGS_HD inline void make_patch(
     const GreyImage& image, int x, int y, int side, ReferencePatch& patch) {
     constexpr float kSpatial = 1 / (2 * 5.0f * 5.0f);  // per pixel
@@ -151,11 +149,11 @@ TVSGS_HD inline void make_patch(
     patch.mean = mean + centre;
 }
 
-/// Weighted sums over the patch's image in a source, of values less the patch's mean.
+/// Weighted sums over the patch's image in a source, of values minus the patch's mean.
 struct SourceSums {
     float value = 0, square = 0, product = 0;
 };
-template <bool kClamp>  // false: the whole patch is known to fall inside
+template <bool kClamp>  // false: the whole patch lies inside
 TVSGS_HD inline SourceSums sum_source(const ReferencePatch& patch,
                                       const GreyImage& source,
                                       const PatchWarp& warp) {
@@ -186,8 +184,8 @@ TVSGS_HD inline SourceSums sum_source(const ReferencePatch& patch,
     return {sum_of(value_sum), sum_of(square_sum), sum_of(product_sum)};
 }
 
-/// 1 - weighted correlation of the patch with its image in a source, in [0, 2]; 2 where the centre
-/// is not seen or either side has no texture.
+/// 1 - weighted correlation of the patch with its image in a source, in [0, 2]; 2 if the centre
+/// lies outside or either side has no texture.
 TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
                                  const GreyImage& source,
                                  const PatchWarp& warp) {
@@ -198,7 +196,7 @@ TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
     const float u = warp.at_centre.x * inverse_z, v = warp.at_centre.y * inverse_z;
     if (!source.contains(u, v, 0)) return kWorstCost;
 
-    bool inside = true;  // a homography keeps a square convex: its corners tell
+    bool inside = true;  // a homography keeps a square convex, so its corners suffice
     for (int corner = 0; corner < 4; ++corner) {
         const Vec3f h = warp.at_centre + ((corner & 1) != 0 ? reach : -reach) * warp.per_x +
                         ((corner & 2) != 0 ? reach : -reach) * warp.per_y;
@@ -212,7 +210,7 @@ TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
     return cost < 0 ? 0 : cost > kWorstCost ? kWorstCost : cost;
 }
 
-/// Where a point of the reference camera's frame falls in a source: the pixel, or {-1, -1}.
+/// The source's pixel that contains a point of the source's frame, or {-1, -1}.
 TVSGS_HD inline Vec2<int> source_pixel(const SourceView& source, Vec3f point_source) {
     if (!(point_source.z > 0)) return {-1, -1};
     const float u = source.camera.fx_px * point_source.x / point_source.z + source.camera.cx_px;
@@ -223,13 +221,13 @@ TVSGS_HD inline Vec2<int> source_pixel(const SourceView& source, Vec3f point_sou
     return {static_cast<int>(u), static_cast<int>(v)};
 }
 
-/// What a source's depth map says about a point: the surface it saw in that direction.
+/// The surface in a source's depth map in the direction of a point.
 struct Crosscheck {
-    int pixel = -1;             // in the source; -1: it sees nothing there
+    int pixel = -1;             // in the source; -1: nothing there
     Vec3f point_reference;      // its surface point, in the reference camera's frame
     float reprojection_px = 0;  // distance of its image from the reference pixel's centre
 };
-/// `depths`: of all views, 0 = none. The depth is that of the nearest pixel.
+/// `depths`: of all views, 0 = none. Uses the depth of the pixel that contains the point.
 TVSGS_HD inline Crosscheck crosscheck(const SourceView& source,
                                       const Camera& reference,
                                       Vec3f point_reference,
@@ -248,15 +246,15 @@ TVSGS_HD inline Crosscheck crosscheck(const SourceView& source,
     return {pixel, back, std::sqrt(du * du + dv * dv)};
 }
 
-/// Cosine of the angle at which the two cameras see a point.
+/// Cosine of the angle between the two cameras' rays to a point.
 TVSGS_HD inline float triangulation_cosine(const SourceView& source, Vec3f point_reference) {
     const Vec3f centre =
         -transpose_times(source.source_from_reference.R, source.source_from_reference.t);
     return dot(normalize(point_reference), normalize(point_reference - centre));
 }
 
-/// Turns a unit vector into the nearest one that faces the camera along `ray` by at least
-/// kMinFacing; other normals cannot be seen.
+/// The nearest unit vector that faces the camera along `ray` by at least kMinFacing; other normals
+/// are invisible.
 TVSGS_HD inline Vec3f facing(Vec3f normal, Vec3f ray) {
     if (dot(normal, ray) > 0) normal = -normal;
     const float lack = dot(normal, ray) + 2 * kMinFacing;

@@ -1,5 +1,5 @@
-// Multi-view stereo without a network: depth, normal and confidence of every view by PatchMatch,
-// and the coloured cloud they agree on.  [Zheng14, ACMM]
+// Multi-view stereo without a network: PatchMatch estimates depth, normal and confidence of every
+// view, and fusion merges them to a coloured cloud.  [Zheng14, ACMM]
 #pragma once
 
 #include <cstdint>
@@ -26,23 +26,24 @@ struct StereoOptions {
     }
 };
 
-/// What one view sees; row by row.
+/// Result of one view, row by row.
 struct StereoMaps {
-    Camera camera;                  // of the maps: halved where the photograph is wider than 1600
+    Camera camera;                  // of the maps: halved if the photograph is wider than 1600
     std::vector<float> depth;       // z, world units; 0 = none
     std::vector<Vec3f> normals;     // camera frame, towards the camera; 0 = none
     std::vector<float> confidence;  // [0, 1]; 0 = none
 };
 
+/// Result of reconstruct_stereo().
 struct StereoResult {
     std::vector<StereoMaps> maps;  // one per view
     PointCloud cloud;              // with colours, normals (world frame) and confidences
 };
 
-/// Depth maps of all views and their fused cloud. `points`: sparse points of the scene, for the
-/// range of depths and the choice of view pairs; may be empty. The same bits from run to run and
-/// for any number of threads. Throws Error(ExitCode::input) for fewer than two views, when no pair
-/// of views overlaps and when no range of depths can be told.
+/// Computes depth maps of all views and their fused cloud. `points`: sparse points of the scene,
+/// for the depth range and the choice of view pairs; may be empty. Bit-identical from run to run
+/// and for any number of threads. Throws Error(ExitCode::input) for fewer than two views, if no
+/// pair of views overlaps, and if the depth range is unknown.
 StereoResult reconstruct_stereo(Cpu,
                                 const std::vector<View>& views,
                                 const std::vector<Vec3f>& points,

@@ -1,4 +1,4 @@
-// What PatchMatch does for one pixel; both devices run these bodies.  [ACMM]
+// Kernels of PatchMatch for one pixel, for both devices.  [ACMM]
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,7 @@ struct StereoPass {
                        (static_cast<std::uint64_t>(view) << 32) + index(x, y),
                        static_cast<std::uint32_t>((level << 20) + (iteration << 4) + draw));
     }
-    /// Uniform in inverse depth.
+    /// Depth at a share of the range, uniform in inverse depth.
     TVSGS_HD float depth_at(float share) const {
         return 1 / (far_inverse + share * (near_inverse - far_inverse));
     }
@@ -51,8 +51,8 @@ struct StereoPass {
     }
 };
 
-/// Half of the pixels, as on a checkerboard, in tiles of 32 x 16: neighbours in space are
-/// neighbours in time.
+/// Half of the pixels, as on a checkerboard, in tiles of 32 x 16: neighbours in space are processed
+/// at almost the same time.
 struct Checkerboard {
     int width, height, color;
 
@@ -87,9 +87,9 @@ TVSGS_HD inline Vec3f random_normal(Vec3f ray, float angle, Random4 random) {
                   ray);
 }
 
-/// The first plane of each pixel: on one colour the best of a sweep of 128 parallel planes, on the
-/// other, which then looks at its neighbours before they look at it, a random one; normals are
-/// random about the viewing ray.
+/// Initialises the plane of each pixel. Pixels of one colour get the best of 128 parallel planes.
+/// The other colour gets a random plane; it reads its neighbours first. Normals are random around
+/// the viewing ray.
 struct SweepBody {
     static constexpr int kPlanes = 128;
     static constexpr float kNormalSpread = 0.35f;  // 20 degrees
@@ -121,8 +121,8 @@ struct SweepBody {
     }
 };
 
-/// From the half-size level: of the four planes around a pixel the one nearest in place and grey
-/// value, continued to the pixel.
+/// Initialises planes from the half-size level: extends to the pixel the one of the four
+/// surrounding planes that is nearest in position and grey value.
 struct UpsampleBody {
     StereoPass pass;
     Camera coarse_camera;
@@ -160,7 +160,7 @@ struct UpsampleBody {
     TVSGS_HD static int clamped(int v, int size) { return v < 0 ? 0 : v >= size ? size - 1 : v; }
 };
 
-/// From a level of the same size.
+/// Copies from a level of the same size.
 struct CopyBody {
     StereoPass from, to;
     TVSGS_HD void operator()(int i) const {
@@ -171,7 +171,7 @@ struct CopyBody {
     }
 };
 
-/// A view that overlaps with no other one has no planes.
+/// Clears the planes of a view that overlaps with no other.
 struct ClearBody {
     StereoPass pass;
     TVSGS_HD void operator()(int i) const {
@@ -180,17 +180,17 @@ struct ClearBody {
     }
 };
 
-/// One iteration for the pixels of one colour, which read planes of the other colour only: the best
-/// planes around are tried, then variations of the best so far.
+/// One iteration for the pixels of one colour, which read only planes of the other colour: tries
+/// the best surrounding planes, then variations of the best one.
 struct PropagateBody {
     static constexpr float kGeometricWeight = 0.2f, kGeometricCap_px = 3, kNoLimit = 1e9f;
     StereoPass pass;
     Checkerboard board;
     int iteration = 0;
-    int best_sources = 0;      // > 0: the cost is the mean of that many best sources
-    Span<const float> depths;  // of all views: their distance counts; empty: images alone
+    int best_sources = 0;      // > 0: the cost is the mean over this number of best sources
+    Span<const float> depths;  // of all views, for the geometric cost; empty: only images
 
-    /// Which sources count for a pixel.
+    /// Weights of the sources for a pixel.
     struct Weights {
         float of[kMaxSources], total = 0;
     };
@@ -212,7 +212,7 @@ struct PropagateBody {
             return;
         }
 
-        // 1. The planes of eight regions around, against every source.
+        // 1. Costs of the planes of eight surrounding regions in every source.
         const Vec3f ray = pixel_ray(pass.camera, x, y);
         Candidates candidates;
         for (int region = 0; region < 8; ++region) add_candidate(x, y, region, ray, candidates);
@@ -220,7 +220,7 @@ struct PropagateBody {
             for (int j = 0; j < pass.source_count(); ++j)
                 candidates.costs[c][j] = pass.source_cost(j, x, y, patch, candidates.planes[c]);
 
-        // 2. The sources to trust here, and with them the best plane.
+        // 2. Weights of the sources, and the best plane with them.
         Weights weights;
         if (best_sources == 0) pass.selected[at] = choose_sources(x, y, candidates, weights);
         SurfacePlane best = pass.planes[at];
@@ -232,7 +232,7 @@ struct PropagateBody {
             if (cost < best_cost) best_cost = cost, best = plane;
         }
 
-        // 3. Variations.
+        // 3. Variations of the best plane.
         for (int k = 0; k < 6; ++k) {
             const SurfacePlane plane = variation(k, x, y, ray, best);
             if (!pass.in_range(plane.depth)) continue;
@@ -244,8 +244,8 @@ struct PropagateBody {
     }
 
 private:
-    /// Regions 0-3: V shapes next to the pixel; 4-7: strips further out. Each offers its plane of
-    /// least cost, continued to the pixel.
+    /// Adds the plane of least cost of a region, extended to the pixel. Regions 0-3: V shapes next
+    /// to the pixel; 4-7: strips farther away.
     TVSGS_HD void add_candidate(int x, int y, int region, Vec3f ray, Candidates& candidates) const {
         const int direction = region & 3;
         const int ax = direction == 0 ? 1 : direction == 1 ? -1 : 0;
@@ -272,7 +272,7 @@ private:
         if (pass.in_range(depth)) candidates.planes[candidates.count++] = {plane.normal, depth};
     }
 
-    /// Sources that agree with several candidates count, more so where neighbours use them too.
+    /// Chooses sources that agree with several candidates and preferably are in use by neighbours.
     TVSGS_HD std::uint8_t choose_sources(int x,
                                          int y,
                                          const Candidates& candidates,
@@ -313,7 +313,7 @@ private:
         return static_cast<std::uint8_t>(bits);
     }
 
-    /// Distance between the views' depths, in pixels of this view.
+    /// Distance between the depths of the two views, in pixels of this view.
     TVSGS_HD float geometric_cost(int source, int x, int y, const SurfacePlane& plane) const {
         const Crosscheck check =
             crosscheck(pass.sources[static_cast<std::size_t>(source)], pass.camera,
@@ -322,7 +322,7 @@ private:
                                                                             : kGeometricCap_px;
     }
 
-    /// photometric(j): cost in source j. Stops early once the result must exceed `limit`.
+    /// photometric(j): cost in source j. Stops early if the result must exceed `limit`.
     template <class Photometric>
     TVSGS_HD float combined_cost(int x,
                                  int y,
@@ -356,9 +356,10 @@ private:
                              [&](int j) { return pass.source_cost(j, x, y, patch, plane); });
     }
 
-    /// Six ways to leave the best plane. Steps are drawn from several octaves: the large ones find
-    /// surfaces, the small ones give digits. From the second iteration on, small steps of both
-    /// replace a plane of random depth and normal, which then no longer wins.
+    /// Variation `k` of the best plane, of six. Steps have random sizes over several octaves: large
+    /// ones find surfaces, small ones refine them. From the second iteration on, a small step of
+    /// both depth and normal replaces the plane of random depth and normal, which would no longer
+    /// win.
     TVSGS_HD SurfacePlane variation(int k, int x, int y, Vec3f ray, SurfacePlane plane) const {
         const Random4 r = pass.random(x, y, iteration, 2 + k);
         const float octaves = std::exp2(-6 * uniform(r.v[0]));
@@ -387,8 +388,7 @@ private:
         }
     }
 
-    /// Normal of the depth map, from the four neighbours; `otherwise` where they do not form a
-    /// surface.
+    /// Normal of the depth map from the four neighbours; `otherwise` if they do not form a surface.
     TVSGS_HD Vec3f surface_normal(int x, int y, Vec3f ray, Vec3f otherwise) const {
         if (!pass.contains(x - 1, y - 1) || !pass.contains(x + 1, y + 1)) return otherwise;
         const auto point = [&](int px, int py) {
@@ -406,7 +406,7 @@ private:
     }
 };
 
-/// Depths alone, for what looks at other pixels or views while planes change.
+/// Copies the depths, for readers of other pixels or views while planes change.
 struct TakeDepthsBody {
     Span<const SurfacePlane> planes;
     Span<float> depths;
@@ -415,7 +415,7 @@ struct TakeDepthsBody {
     }
 };
 
-/// Median of 21 depths of a checkerboard around the pixel: removes single wrong depths.
+/// Median of 21 depths in a checkerboard around the pixel; removes single wrong depths.
 struct MedianBody {
     StereoPass pass;
     Span<const float> depths;  // of this view

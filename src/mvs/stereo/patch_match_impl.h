@@ -1,4 +1,4 @@
-// The passes of PatchMatch over pyramids of the views, for both devices.
+// PatchMatch over image pyramids of all views, for both devices.
 #pragma once
 
 #include <algorithm>
@@ -16,6 +16,7 @@
 
 namespace tvsgs {
 
+/// One reconstruction: constructor, then run().
 template <class Device>
 class PatchMatch {
 public:
@@ -40,8 +41,8 @@ public:
             const bool coarsest = level == levels_ - 1;
             for (int k = 0; k < iterations_at(level); ++k)
                 iterate(iteration++, coarsest && k == 0, false);
-            // Coarse levels get one round: it removes what the views do not agree on before it is
-            // handed down.
+            // Coarse levels get one round, which removes depths that the views do not agree on
+            // before the next level starts from them.
             for (int round = 0; round < rounds_at(level); ++round) {
                 take_depths();
                 for (int k = 0; k < 2; ++k) iterate(iteration++, false, true);
@@ -52,14 +53,14 @@ public:
     }
 
 private:
-    static constexpr float kMinAngleDeg = 1;  // below, a pixel's error is a large one in depth
+    static constexpr float kMinAngleDeg = 1;  // below, depth is too uncertain
 
-    /// Rounds of two iterations that compare the views' depths.
+    /// Rounds of two iterations with the geometric cost.
     static int rounds_at(int level) { return level == 0 ? 2 : 1; }
-    /// On images alone. Finer levels start from the level before.
+    /// Iterations with images only. Finer levels start from the level before.
     int iterations_at(int level) const { return level == levels_ - 1 ? 4 : 2; }
 
-    /// Pixels times iterations, of all levels.
+    /// Pixels times iterations, over all levels.
     double all_work() const {
         double work = 0;
         for (int level = 0; level < levels_; ++level)
@@ -73,7 +74,7 @@ private:
 
     int view_count() const { return static_cast<int>(views_.size()); }
     bool few_views() const { return view_count() <= 5; }
-    /// Pyramids of small views end early: their last level serves all coarser ones.
+    /// Pyramids of small views have fewer levels; their last level serves all coarser ones.
     const StereoLevel& level_of(int view, int level) const {
         const auto& levels = pyramids_[static_cast<std::size_t>(view)].levels;
         return levels[std::min(static_cast<std::size_t>(level), levels.size() - 1)];
@@ -83,14 +84,14 @@ private:
         return first_pixel_[static_cast<std::size_t>(v) + 1] -
                first_pixel_[static_cast<std::size_t>(v)];
     }
-    /// The part of an array over all views that is one view's.
+    /// One view's part of an array over all views.
     template <class T>
     Span<T> of_view(Span<T> all, int v) const {
         return {all.data + first_pixel_[static_cast<std::size_t>(v)],
                 static_cast<std::size_t>(pixel_count(v))};
     }
 
-    /// Images, cameras and first planes of the next level.
+    /// Loads images and cameras of the next level and initialises its planes.
     void enter_level(int level) {
         const bool first = level == levels_ - 1;
         images_.swap(coarse_images_);
@@ -178,7 +179,7 @@ private:
             pass.selected = of_view(selected_.span(), v);
             pass.far_inverse = 1 / plans_[i].far_depth;
             pass.near_inverse = 1 / plans_[i].near_depth;
-            // A coarse picture of few views has little else to go by.
+            // A coarse image of few views offers little texture, so patches are larger.
             pass.side = level == levels_ - 1 && levels_ > 1 && few_views() ? 8 : 6;
             pass.seed = static_cast<std::uint64_t>(options_.seed);
             passes_.push_back(pass);
@@ -201,7 +202,7 @@ private:
                 parallel_for(
                     Device{}, Checkerboard::count(width, height),
                     PropagateBody{pass, {width, height, color}, iteration, best_sources, depths});
-            synchronize(Device{});  // what is shown has been done
+            synchronize(Device{});  // so that the progress counts finished work
             progress_->advance(double(width) * height);
         }
     }
@@ -224,7 +225,7 @@ private:
                                std::cos((few_views() ? 30 : 15) * degree), options_.min_consistent};
         const Agreement fusion{2.0f, 0.01f, filter.normal_cosine, options_.min_consistent};
 
-        // 1. Believed depths; small pieces go.
+        // 1. Filters depths and removes small segments.
         Buffer<float, Device> kept(pixels), confidences(pixels);
         kept.fill_zero(), confidences.fill_zero();
         Buffer<std::uint8_t, Device> mask, uniqueness;
@@ -258,7 +259,7 @@ private:
         copy(depths, kept);
         copy(confidence, confidences);
 
-        // 2. Points.
+        // 2. Fuses points.
         StereoResult result;
         Buffer<std::uint8_t, Device> confirmed(pixels);
         confirmed.fill_zero();
@@ -292,7 +293,7 @@ private:
             }
         }
 
-        // 3. Maps.
+        // 3. Copies the maps.
         const std::vector<SurfacePlane> planes = to_host(planes_);
         for (int v = 0; v < view_count(); ++v) {
             const auto first = static_cast<std::ptrdiff_t>(first_pixel_[v]);

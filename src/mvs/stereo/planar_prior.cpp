@@ -9,10 +9,10 @@ namespace tvsgs {
 namespace {
 
 constexpr int kCell = 5;               // px
-constexpr float kSupportCost = 0.1f;   // up to which a plane is trusted
+constexpr float kSupportCost = 0.1f;   // largest cost of a support point
 constexpr float kMaxSideShare = 0.2f;  // of the image's width
 
-/// Along the rows of cells, forth and back.
+/// Support points along the rows of cells, alternating in direction.
 std::vector<Vec2<int>> support_points(const Camera& camera,
                                       Span<const float> costs,
                                       const std::vector<std::uint8_t>& mask) {

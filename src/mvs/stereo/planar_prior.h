@@ -1,4 +1,4 @@
-// Planes between a view's surest pixels, as a hint where there is little texture.  [ACMP]
+// Planes between a view's most reliable pixels, as a prior where there is little texture.  [ACMP]
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 namespace tvsgs {
 
 /// For every pixel the plane of its triangle between support points: the pixels of least cost in
-/// their 5 x 5 cells, where that is below 0.1 (and inside the mask, if any). Depth 0: no triangle,
-/// or one that is wider than a fifth of the image.
+/// their 5 x 5 cells if that cost is below 0.1 (and inside the mask, if any). Depth 0: no triangle,
+/// or one wider than a fifth of the image.
 std::vector<SurfacePlane> planar_prior(const Camera& camera,
                                        Span<const SurfacePlane> planes,
                                        Span<const float> costs,

@@ -11,7 +11,7 @@ namespace {
 constexpr int kFinestSide = 1600, kCoarsestSide = 400;
 constexpr int kLeastSide = 16;  // px; a patch is 11 to 15 wide
 
-/// Means of 2 x 2 pixels; an odd last row or column is dropped, which keeps the camera exact.
+/// Means of 2 x 2 pixels. Drops an odd last row or column, which keeps the camera exact.
 Camera halved(Camera camera) {
     camera.width_px /= 2, camera.height_px /= 2;
     camera.fx_px /= 2, camera.fy_px /= 2, camera.cx_px /= 2, camera.cy_px /= 2;
@@ -108,7 +108,7 @@ std::vector<std::uint32_t> packed_colors(const std::vector<StereoPyramid>& pyram
 }
 
 SourceView make_source(const Camera& reference, const Camera& source, int view, int first_pixel) {
-    // In double: coordinates of a thousand pixels need all digits of a float.
+    // In double, because coordinates of a thousand pixels need all digits of a float.
     const auto exact = [](const Rigid3f& T) {
         return Rigid3d{mat_cast<double>(T.R), vec_cast<double>(T.t)};
     };

@@ -12,7 +12,7 @@ Int area(Vec2<int> a, Vec2<int> b, Vec2<int> c) {
     return Int{b.x - a.x} * (c.y - a.y) - Int{b.y - a.y} * (c.x - a.x);
 }
 
-/// Whether p lies inside the circle through a, b, c (of positive area), not on it.
+/// True if p lies strictly inside the circle through a, b, c (of positive area).
 bool in_circle(Vec2<int> a, Vec2<int> b, Vec2<int> c, Vec2<int> p) {
     const Int ax = a.x - p.x, ay = a.y - p.y, bx = b.x - p.x, by = b.y - p.y, cx = c.x - p.x,
               cy = c.y - p.y;
@@ -21,13 +21,13 @@ bool in_circle(Vec2<int> a, Vec2<int> b, Vec2<int> c, Vec2<int> p) {
            0;
 }
 
-/// Points are added one by one: the triangles whose circles hold the point give way to a fan around
-/// it (Bowyer and Watson).
+/// Incremental triangulation: a fan around each new point replaces the triangles whose circles
+/// contain it (Bowyer and Watson).
 class Triangulation {
 public:
     explicit Triangulation(const std::vector<Vec2<int>>& points) : points_(points) {
         const int count = static_cast<int>(points.size()), s = kMaxTriangulated;
-        points_.insert(points_.end(), {{-s, -s}, {4 * s, -s}, {-s, 4 * s}});  // around all others
+        points_.insert(points_.end(), {{-s, -s}, {4 * s, -s}, {-s, 4 * s}});  // encloses all
         begin_of_.resize(points_.size());
         triangles_.push_back({{count, count + 1, count + 2}, {-1, -1, -1}, -1});
         for (int p = 0; p < count; ++p) add(p);
@@ -45,8 +45,8 @@ public:
 private:
     struct Triangle {
         std::array<int, 3> corners;
-        std::array<int, 3> beyond;  // the triangle beyond the side opposite a corner; -1: none
-        int removed_by;             // the last point whose cavity it was in
+        std::array<int, 3> beyond;  // triangle across the side opposite each corner; -1: none
+        int removed_by;             // last point whose cavity contained it
     };
     struct Side {
         int begin, end, beyond;
@@ -55,7 +55,7 @@ private:
     Triangle& triangle(int t) { return triangles_[static_cast<std::size_t>(t)]; }
     Vec2<int> point(int p) const { return points_[static_cast<std::size_t>(p)]; }
 
-    /// The triangle that holds a point: towards it, from the newest one.
+    /// Finds the triangle that contains a point, by walking from the newest one.
     int find(Vec2<int> p) {
         for (int at = newest_;;) {
             const Triangle& t = triangle(at);
@@ -69,7 +69,7 @@ private:
     }
 
     void add(int p) {
-        // 1. The triangles to go, and the sides around them.
+        // 1. Finds the triangles to remove and the sides around them.
         cavity_.assign(1, find(point(p)));
         triangle(cavity_[0]).removed_by = p;
         sides_.clear();
@@ -90,7 +90,7 @@ private:
                 sides_.push_back({t.corners[(i + 1) % 3], t.corners[(i + 2) % 3], other});
             }
         }
-        // 2. One triangle per side, two more than before.
+        // 2. Adds one triangle per side, two more than were removed.
         for (std::size_t k = 0; k < sides_.size(); ++k) {
             if (k >= cavity_.size()) {
                 cavity_.push_back(static_cast<int>(triangles_.size()));

@@ -14,9 +14,9 @@ namespace {
 
 constexpr std::size_t kEnoughPoints = 20;  // in a view, for percentiles of their depths
 constexpr double kDegree = 3.14159265358979 / 180;
-constexpr int kMaxPairAngleDeg = 60;  // patches seen from farther apart hardly look alike
+constexpr int kMaxPairAngleDeg = 60;  // patches seen from farther apart hardly match
 
-/// The point nearest to all optical axes; none when they are parallel.
+/// The point nearest to all optical axes; none if they are parallel.
 std::optional<Vec3d> common_focus(const std::vector<Camera>& cameras) {
     Sym3<double> A;
     Vec3d b;
@@ -51,7 +51,7 @@ void set_range(const Camera& camera,
     if (d > 0) plan.near_depth = 0.3f * d, plan.far_depth = 3 * d;
 }
 
-/// What a view may see: a grid of pixels at three depths of the range.
+/// Points that a view may see: a grid of pixels at three depths of the range.
 std::vector<Vec3f> grid_points(const Camera& camera, const ViewPlan& plan) {
     constexpr int kGrid = 12;
     std::vector<Vec3f> points;
@@ -79,7 +79,7 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  float near_depth,
                                  float far_depth) {
     const std::optional<Vec3d> focus = common_focus(cameras);
-    const std::size_t stride = 1 + points.size() / 4000;  // plenty for ranges and scores
+    const std::size_t stride = 1 + points.size() / 4000;  // enough for ranges and scores
     std::vector<ViewPlan> plans(cameras.size());
     std::size_t with_sources = 0;
     for (std::size_t i = 0; i < cameras.size(); ++i) {

@@ -1,4 +1,4 @@
-// Which views to compare with which, and in which range of depths.
+// Choice of the source views and of the depth range of each view.
 #pragma once
 
 #include <vector>
@@ -8,15 +8,16 @@
 
 namespace tvsgs {
 
+/// Sources and depth range of one view.
 struct ViewPlan {
     std::vector<int> sources;  // best first; empty: no other view overlaps
     float near_depth = 0, far_depth = 0;
 };
 
-/// The plan of every view. A source is good when it sees what the view sees, under an angle of
-/// about 5 degrees or more.  [MVSNet, A.2] A depth of 0 comes from the points, else from where the
-/// cameras look. Throws Error(ExitCode::input) when no view has a source, and when a range is not
-/// given and neither 20 points nor crossing axes tell it.
+/// Plans every view. A good source sees the same surface at an angle of about 5 degrees or more.
+/// [MVSNet, A.2] A depth of 0 is replaced from the points, or from the point at which the cameras
+/// look. Throws Error(ExitCode::input) if no view has a source, and if a depth is 0 and neither 20
+/// points nor crossing axes determine it.
 std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  const std::vector<Vec3f>& points,
                                  float near_depth,

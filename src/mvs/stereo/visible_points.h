@@ -1,4 +1,4 @@
-// Which points of a cloud a view sees, where no track says so.
+// Visibility of a cloud's points in a view, for clouds without tracks.
 #pragma once
 
 #include <vector>
@@ -7,6 +7,7 @@
 
 namespace tvsgs {
 
+/// A visible point and its place in the view.
 struct VisiblePoint {
     int index;          // in the cloud
     double x_px, y_px;  // from the corner of the first pixel
@@ -14,9 +15,9 @@ struct VisiblePoint {
     double distance;    // along the ray
 };
 
-/// Points in the picture that no other of their neighbourhood hides: a z-buffer of cells that hold
-/// about eight points, where one counts if it is at most 5 % farther than the nearest. Where the
-/// cloud is thin, points behind the surface get through.
+/// Points in the image that no nearby point hides: a z-buffer with cells of about eight points
+/// keeps a point if it is at most 5 % farther than the nearest. Where the cloud is sparse, points
+/// behind the surface may pass.
 std::vector<VisiblePoint> visible_points(const Camera& camera, const std::vector<Vec3f>& points);
 
 }  // namespace tvsgs
