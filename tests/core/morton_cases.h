@@ -1,4 +1,4 @@
-// Clouds whose Morton order is easy to get wrong.
+// Point clouds that often break Morton orders.
 #pragma once
 
 #include <cmath>

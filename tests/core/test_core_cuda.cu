@@ -1,4 +1,4 @@
-// CUDA twins of the core: the same draws, loops and sums as on the CPU.
+// CUDA versions of the core: the same random numbers, loops and sums as on the CPU.
 #include <gtest/gtest.h>
 
 #include <cmath>

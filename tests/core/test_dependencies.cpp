@@ -1,5 +1,5 @@
-// The order of the modules (docs/develop/design.md#modules), read off the #include lines of src/,
-// and that no two headers define one type.
+// Tests the order of the modules (docs/develop/design.md#modules) from the #include lines of src/,
+// and that no two headers define the same type.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -59,7 +59,8 @@ TEST(Dependencies, ModulesIncludeOnlyWhatTheyMay) {
     EXPECT_GT(checked, 20) << "the scan found hardly any includes; is the pattern still right?";
 }
 
-// Eigen, OpenCV and JSON do not pass nvcc, or slow it down: they stay out of CUDA sources.
+// nvcc cannot compile Eigen, OpenCV and JSON, or compiles them slowly, so CUDA sources must not
+// include them.
 TEST(Dependencies, CudaSourcesStayClean) {
     const std::regex heavy("^\\s*#\\s*include\\s*[<\"](Eigen|opencv2|nlohmann|spdlog)/");
     for (const auto& entry : fs::recursive_directory_iterator(TVSGS_SOURCE_DIR "/src")) {
@@ -70,9 +71,9 @@ TEST(Dependencies, CudaSourcesStayClean) {
     }
 }
 
-/// Types that a header defines outside of functions and other types, as "namespace::name". Our
-/// style has them at the beginning of a line, specialisations and forward declarations aside;
-/// anonymous namespaces and those of name `detail` are a header's own affair.
+/// Types that a header defines outside of functions and other types, as "namespace::name". In our
+/// style they begin a line. Ignores specialisations, forward declarations, anonymous namespaces and
+/// namespaces `detail`.
 std::vector<std::string> types_in(const fs::path& header) {
     static const std::regex kOpens(R"(^namespace ([\w:]+)? ?\{)");
     static const std::regex kCloses(R"(^\}\s*// namespace)");
@@ -99,7 +100,7 @@ std::vector<std::string> types_in(const fs::path& header) {
     return types;
 }
 
-// Two definitions of one name that differ break the program silently where both are linked.
+// Two different definitions of one name break a program silently when both are linked.
 TEST(Dependencies, NoTypeIsDefinedTwice) {
     std::map<std::string, std::string> home;
     for (const auto& entry : fs::recursive_directory_iterator(TVSGS_SOURCE_DIR "/src")) {

@@ -1,6 +1,6 @@
-// Methods are parts: a loss, a backbone or a mesher is its own files and a line in its list, and
-// nothing else in src/ and apps/ knows its type or its name (docs/develop/add-a-loss.md,
-// docs/develop/add-a-backbone.md). Comments may cite whom they like.
+// Tests that each method is self-contained: a loss, a backbone or a mesher is its own files and a
+// line in its list, and nothing else in src/ and apps/ uses its type or name
+// (docs/develop/add-a-loss.md, docs/develop/add-a-backbone.md). Comments may use any name.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ struct Source {
     std::string stem() const { return fs::path(path).stem().string(); }
 };
 
-/// Headers below `prefix`, one a method, and the lists that alone include them.
+/// Headers below `prefix`, one per method, and the lists, which alone may include them.
 struct Kind {
     std::string prefix;
     std::set<std::string> lists;
@@ -37,22 +37,22 @@ const std::vector<Kind> kKinds{
     {"src/render/backbone_", {"src/render/backbones_list.h", "src/render/tiles/fused_gradients.h"}},
     {"src/mesh/mesher_", {"src/mesh/meshers_list.h"}}};
 
-/// Names of methods, as words of file names, identifiers and strings.
+/// Names of methods: words of file names, identifiers and strings.
 const std::set<std::string> kMethods{"pgsr",  "3dgs", "2dgs",    "rade", "radegs",
                                      "fates", "vggs", "fatesgs", "ewa"};
-const std::string kAlsoEnglish = "fates";  // so it counts as the name of a type or of a file
+const std::string kAlsoEnglish = "fates";  // also an English word, so only types and files count
 
-/// Where else a name may stand, with the reason.
+/// Exceptions: places where a name may occur, with the reason.
 const std::set<std::pair<std::string, std::string>> kAllowed{
     {"src/optim/loop/train.h", "ewa"},   // the default of `backbone` ...
-    {"src/optim/loop/train.h", "rade"},  // ... whose help names them all
-    // Configurations that the program carries with it have the names of their files.
+    {"src/optim/loop/train.h", "rade"},  // ... whose help lists all names
+    // Built-in configurations have the names of their files.
     {"src/io/config/built_in_configs.h", "pgsr"},
-    // Splats that are ellipses, too: their tiles are found with the packs of EWA.
+    // Other ellipse splats find their tiles with the packs of EWA.
     {"src/render/rade/blend_rade.cpp", "ewa"},
 };
 
-/// A piece of a source: a word of code, or all that stands in one string.
+/// A piece of a source: a word of code, or a whole string.
 struct Piece {
     bool string;
     std::string text;
@@ -62,14 +62,14 @@ bool is_word(char c) {
     return std::isalnum(static_cast<unsigned char>(c)) || c == '_';
 }
 
-/// Without the comments.
+/// Splits a source into words and strings, without comments.
 std::vector<Piece> pieces_of(const std::string& text) {
     std::vector<Piece> pieces;
     const auto after = [&](const std::string& mark, std::size_t from) {
         const std::size_t at = text.find(mark, from);
         return at == std::string::npos ? text.size() : at + mark.size();
     };
-    const auto quoted = [&](std::size_t begin) {  // to behind the closing quote
+    const auto quoted = [&](std::size_t begin) {  // to the character after the closing quote
         std::size_t at = begin + 1;
         while (at < text.size() && text[at] != text[begin]) at += text[at] == '\\' ? 2 : 1;
         return std::min(at + 1, text.size());
@@ -98,7 +98,7 @@ std::vector<Piece> pieces_of(const std::string& text) {
     return pieces;
 }
 
-/// Of identifiers in either case: "kEwaModel" has k, Ewa, Model.
+/// Words of an identifier, in any case style: "kEwaModel" has k, Ewa, Model.
 std::vector<std::string> words_of(const std::string& text) {
     std::vector<std::string> words(1);
     const auto is = [&](int (*kind)(int), std::size_t i) {
@@ -109,7 +109,7 @@ std::vector<std::string> words_of(const std::string& text) {
             words.emplace_back();
             continue;
         }
-        // As in fooBar, and in FOOBar; but 3DGS is one word.
+        // Splits fooBar and FOOBar; 3DGS is one word.
         if (i > 0 && is(std::isupper, i) && (is(std::islower, i - 1) || is(std::islower, i + 1)))
             words.emplace_back();
         words.back() += text[i];
@@ -130,8 +130,8 @@ std::string lower_case(std::string text) {
     return text;
 }
 
-/// Names of methods in it. Prose in a string cites methods as papers write them; what it has in
-/// lower case is the name of a part.
+/// Names of methods in a text. Prose in strings cites methods as papers write them; lower case
+/// means the name of a part.
 std::set<std::string> methods_in(const std::string& text) {
     std::set<std::string> found;
     for (const Piece& piece : pieces_of(text)) {
@@ -147,14 +147,14 @@ std::set<std::string> methods_in(const std::string& text) {
     return found;
 }
 
-/// Whether both belong to one method: loss_x.h, loss_x.cpp, loss_x_math.h.
+/// True if both belong to one method: loss_x.h, loss_x.cpp, loss_x_math.h.
 bool same_part(const Source& a, const Source& b) {
     const std::string& s = a.stem().size() < b.stem().size() ? a.stem() : b.stem();
     const std::string& l = a.stem().size() < b.stem().size() ? b.stem() : a.stem();
     return l == s || l.starts_with(s + "_");
 }
 
-/// What knows the header of a method, or a type of it, and should not.
+/// Files that include the header of a method, or use its type, and must not.
 std::vector<std::string> types_known_elsewhere(const std::vector<Source>& sources) {
     static const std::regex kDefines(R"((?:^|\n)(?:struct|class|enum class) (\w+)[^;\n]*\{)");
     std::vector<std::string> faults;
@@ -178,7 +178,7 @@ std::vector<std::string> types_known_elsewhere(const std::vector<Source>& source
     return faults;
 }
 
-/// What names a method and should not. `used`: the exceptions that it took.
+/// Files that name a method and must not. `used`: the exceptions that applied.
 std::vector<std::string> names_known_elsewhere(
     const std::vector<Source>& sources, std::set<std::pair<std::string, std::string>>& used) {
     std::vector<std::string> faults;

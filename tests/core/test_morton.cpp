@@ -1,4 +1,4 @@
-// Morton order of points.
+// Tests the Morton order of points.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -56,11 +56,11 @@ TEST(MortonOrder, AscendsWithTiesAsGiven) {
         }
 }
 
-/// What the order is for: neighbours in memory are neighbours in space.
+/// The purpose of the order: neighbours in memory are neighbours in space.
 TEST(MortonOrder, BringsNeighboursTogether) {
     for (const std::string kind : {"ball", "far from zero", "far clusters", "outlier"}) {
         const std::vector<Vec3f> points = test::morton_cloud(kind, 4096);
-        const auto step = [&](auto place) {  // median distance from one to the next
+        const auto step = [&](auto place) {  // median distance between consecutive points
             std::vector<double> distances;
             for (std::size_t i = 1; i < points.size(); ++i) {
                 const Vec3f d = points[place(i)] - points[place(i - 1)];

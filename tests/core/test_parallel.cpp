@@ -10,7 +10,7 @@
 namespace tvsgs {
 namespace {
 
-// Terms of very different size, so that another order of summation would show in the last bits.
+// Terms of very different size: another order of summation would change the last bits.
 float term(int i) {
     return std::sin(static_cast<float>(i)) * std::exp(static_cast<float>(i % 30) - 15);
 }
@@ -35,7 +35,7 @@ TEST_P(AddSum, AddsTheScaledSum) {
         expected += static_cast<double>(term(i));
         size += std::abs(static_cast<double>(term(i)));
     }
-    // Double rounding of a sum in another order.
+    // Rounding of a sum in double in another order.
     EXPECT_NEAR(sum_with(1, GetParam()), 0.25 + 0.5 * expected, 1e-13 * (1 + size));
 }
 

@@ -1,4 +1,4 @@
-// How far long work is: what it says, and when it says nothing.
+// Tests the progress lines: their text, and when they stay silent.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/ioctl.h>
@@ -17,7 +17,7 @@ namespace {
 TEST(Paces, SayNothingWithoutABasis) {
     Pace pace;
     EXPECT_TRUE(std::isnan(pace.left(100)));
-    pace.add(5, 1);  // a first step that was slow
+    pace.add(5, 1);  // a slow first step
     EXPECT_TRUE(std::isnan(pace.left(100)));
     pace.add(6.9, 51);
     EXPECT_TRUE(std::isnan(pace.left(100))) << "1.9 s";
@@ -65,7 +65,7 @@ TEST(ProgressStyles, QuietAndJsonAreSilent) {
     set_progress_style(ProgressStyle::quiet);
 }
 
-/// What `action` writes to a terminal of 3 rows and 12 columns.
+/// Output of `action` on a terminal of 3 rows and 12 columns.
 template <class Action>
 std::string on_terminal(const Action& action) {
     const int terminal = posix_openpt(O_RDWR | O_NOCTTY), before = dup(STDERR_FILENO);
@@ -96,9 +96,9 @@ TEST(ProgressLines, ReplaceEachOtherOnATerminal) {
                   end_progress_line();
               }),
               "\rone\033[K\r\ntwo\033[K\033[J"               // the terminal makes \r\n of \n
-              "\033[1A\r1\033[K\r\na line that\033[K\033[J"  // in their place
-              "\033[1A\r\033[J"                              // several are removed
-              "\ralone\033[K\033[J\r\nend");                 // one stays
+              "\033[1A\r1\033[K\r\na line that\033[K\033[J"  // replace the lines
+              "\033[1A\r\033[J"                              // removes several lines
+              "\ralone\033[K\033[J\r\nend");                 // keeps one line
 }
 
 }  // namespace

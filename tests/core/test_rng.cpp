@@ -50,7 +50,7 @@ TEST(Rng, UniformIsUniform) {
         const double expected = static_cast<double>(kDraws) / kBins;
         chi2 += (count - expected) * (count - expected) / expected;
     }
-    // 63 degrees of freedom: mean 63, standard deviation 11.2; four of them either way.
+    // 63 degrees of freedom: mean 63, standard deviation 11.2; allows four deviations.
     EXPECT_GT(chi2, 63 - 45);
     EXPECT_LT(chi2, 63 + 45);
 }
@@ -66,8 +66,8 @@ TEST(Rng, NormalMoments) {
         }
         sum_xy += static_cast<double>(n.x * n.y), sum_xz += static_cast<double>(n.x * n.z);
     }
-    // Standard errors with 2^18 draws: mean 0.002, variance 0.0028, fourth moment 0.019; five of
-    // each.
+    // Standard errors with 2^18 draws: mean 0.002, variance 0.0028, fourth moment 0.019; allows
+    // five of each.
     for (int c = 0; c < 3; ++c) {
         EXPECT_NEAR(sum[c] / kDraws, 0, 0.01) << c;
         EXPECT_NEAR(sum2[c] / kDraws, 1, 0.014) << c;

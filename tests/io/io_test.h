@@ -1,4 +1,4 @@
-// What the tests of readers and writers share: a temporary folder, and expecting an Error.
+// Helpers of the tests of readers and writers: a temporary folder, and checks of thrown errors.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ namespace tvsgs {
 inline const std::filesystem::path kShared = TVSGS_SHARED_DIR;
 inline const std::filesystem::path kExample = test_data("geometry/formats");
 
-/// A folder of its own for each test, removed at the end.
+/// A folder for each test, removed at the end.
 class IoTest : public testing::Test {
 protected:
     std::filesystem::path folder;
@@ -43,13 +43,13 @@ protected:
     }
 };
 
-/// write_png does not replace the pictures of others.
+/// write_png() does not replace images of other programs.
 inline void replace_png(const std::string& path, const ImageU8& image) {
     std::filesystem::remove(path);
     write_png(path, image);
 }
 
-/// Runs `action`, which must throw an Error of the code whose message holds `text`.
+/// Runs `action`, which must throw an Error with this code and a message that contains `text`.
 template <class Action>
 void expect_error(ExitCode code, const std::string& text, const Action& action) {
     try {

@@ -59,14 +59,14 @@ TEST_F(AtomicFileTest, ReplacesNothingButOurs) {
             write_text_file(path, "new");
         EXPECT_EQ(read_bytes(path), ours ? "new" : text);
     }
-    write_text_file(write("empty.txt", ""), "new");  // as mktemp makes them
+    write_text_file(write("empty.txt", ""), "new");  // as mktemp creates it
     list_results(folder / "results", {"a.txt", "maps"});
     const std::string listed = (folder / "results/a.txt").string();
     write_text_file(listed, "new");
     write_text_file(listed, "newer");
     EXPECT_EQ(read_bytes(listed), "newer");
     list_results(folder / "results", {"a.txt", "maps"});
-    write("results/maps/b.txt", kOld);  // in such a folder the list counts
+    write("results/maps/b.txt", kOld);  // the manifest of such a folder decides
     expect_error(ExitCode::usage, "b.txt: is there, and not written by tvsgs", [&] {
         list_results(folder / "results", {"a.txt", "maps"});
     });
@@ -81,7 +81,7 @@ TEST_F(AtomicFileTest, NamesPathAndReasonWhenItCannotWrite) {
     expect_error(ExitCode::io, "/proc/no", [] { write_text_file("/proc/no/such/file", "x"); });
 }
 
-// The name must not be taken by a file: as root that would cost the machine its /dev/null.
+// A file must not replace the device: as root that would destroy the machine's /dev/null.
 TEST_F(AtomicFileTest, WritesToDevicesDirectly) {
     write_text_file("/dev/null", "x");
     EXPECT_TRUE(std::filesystem::is_character_file("/dev/null"));

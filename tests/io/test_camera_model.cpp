@@ -59,8 +59,8 @@ TEST(CameraModel, RejectsWrongNumbers) {
 }
 
 TEST(CameraModel, DistortsAsOpenCvDoes) {
-    // Pixels of the rays (-0.6, 0.4, 1) and (0.05, 0.5, 1) as projectPoints() and
-    // fisheye::projectPoints() of OpenCV 4.6 give them.
+    // Pixels of the rays (-0.6, 0.4, 1) and (0.05, 0.5, 1) from projectPoints() and
+    // fisheye::projectPoints() of OpenCV 4.6.
     const struct {
         const char* model;
         std::vector<double> params;
@@ -91,7 +91,7 @@ TEST(CameraModel, DistortsAsOpenCvDoes) {
          {300, 320, 240, 0.05, 0.01},
          {160.7709640352, 346.1526906432},
          {334.0571168317, 380.5711683165}},
-        {"THIN_PRISM_FISHEYE",  // the ray at its angle from the middle, then projectPoints()
+        {"THIN_PRISM_FISHEYE",  // maps the angle to a radius, then projectPoints()
          {300, 310, 320, 240, 0.01, -0.02, 0.002, -0.003, 0.003, 0, 0.004, -0.005},
          {163.30518606, 347.6629866863},
          {334.0043297584, 383.8376180326}},
@@ -125,7 +125,7 @@ TEST(CameraModel, DistortsAsOpenCvDoes) {
 }
 
 TEST(CameraModel, FovIsTheInverseOfItsPaper) {
-    // The radius for which tan(r omega) / (2 tan(omega / 2)) is that of the ray, by bisection.
+    // Bisection for the radius at which tan(r omega) / (2 tan(omega / 2)) equals that of the ray.
     const struct {
         double omega;
         Vec2<double> first, second;
@@ -140,7 +140,7 @@ TEST(CameraModel, FovIsTheInverseOfItsPaper) {
             EXPECT_NEAR(ours.x * in.fx_px + in.cx_px, theirs.x, 1e-9);
             EXPECT_NEAR(ours.y * in.fy_px + in.cy_px, theirs.y, 1e-9);
         }
-        // The same in the middle, where the quotient has no value.
+        // The same at the centre, where the quotient is undefined.
         const Vec2<double> near = distort(in.distortion, {1e-9, 0}),
                            middle = distort(in.distortion, {1e-13, 0});
         EXPECT_NEAR(middle.x / 1e-13, near.x / 1e-9, 1e-6);
@@ -153,7 +153,8 @@ TEST(CameraModel, FovIsTheInverseOfItsPaper) {
 
 TEST(CameraModel, WhatUndistortionCosts) {
     EXPECT_EQ(undistortion_loss(make("PINHOLE", {500, 500, 320, 240})).cropped, 0);
-    // The pinhole's rim as a curve in the photograph; the area inside of it by Green's theorem.
+    // The boundary of the pinhole's image as a curve in the photograph; its area by Green's
+    // theorem.
     const double k = -0.2, f = 500;
     double area = 0;
     const auto rim = [&](double x, double y) {
@@ -175,7 +176,7 @@ TEST(CameraModel, WhatUndistortionCosts) {
     const UndistortionLoss barrel = undistortion_loss(make("SIMPLE_RADIAL", {f, 320, 240, k}));
     EXPECT_NEAR(barrel.cropped, 1 - area / (640 * 480), 1e-4);
     EXPECT_EQ(barrel.empty, 0);
-    // The other way nothing is lost, and the pinhole's corners show nothing.
+    // In the other direction no pixel is lost, but the pinhole's corners are empty.
     const Intrinsics pincushion = make("SIMPLE_RADIAL", {f, 320, 240, 0.2});
     ImageU8 valid;
     undistorted(pincushion, ImageU8(640, 480, 1), valid);
@@ -196,8 +197,8 @@ TEST(CameraModel, UndistortionOfNothingIsTheIdentity) {
 }
 
 TEST(CameraModel, UndistortionMovesAStripeToWhereThePinholeSeesIt) {
-    // Brightness equals the distorted radius in pixels from the centre; undone, it must equal the
-    // distorted radius of the pinhole's pixel.
+    // The brightness is the distorted radius in pixels from the centre. After undistortion it must
+    // be the distorted radius of the pinhole's pixel.
     const Intrinsics in = make("SIMPLE_RADIAL", {500, 320, 240, -0.2});
     ImageU8 image(640, 480, 1), valid;
     for (int y = 0; y < 480; ++y)
@@ -219,7 +220,7 @@ TEST(CameraModel, UndistortionMovesAStripeToWhereThePinholeSeesIt) {
 }
 
 TEST(CameraModel, DistortionThatCannotBeUndone) {
-    // r (1 - r^2) turns back at r = 0.58: what lies beyond would be seen a second time.
+    // r (1 - r^2) turns back at r = 0.58: places beyond would appear a second time.
     const Intrinsics folded = make("SIMPLE_RADIAL", {500, 320, 240, -1});
     ImageU8 valid;
     undistorted(folded, ImageU8(640, 480, 1), valid);

@@ -1,4 +1,4 @@
-// Checkpoint files: what was written comes back, and no damage goes unnoticed.
+// Tests checkpoint files: the data survive a round trip, and every damage is detected.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -107,7 +107,7 @@ TEST_F(CheckpointFile, OtherFilesAndVersions) {
     EXPECT_NE(error().find("is a folder"), std::string::npos);
 }
 
-// As when the disk is full: writing stops with an error in the middle of the file.
+// Simulates a full disk: writing fails in the middle of the file.
 TEST_F(CheckpointFile, AFullDiskKeepsTheLastOne) {
     State small, large;
     fill(small, "means", 30);

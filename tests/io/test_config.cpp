@@ -118,7 +118,7 @@ TEST_F(Config, LaterBasesWinAndOwnKeysWinOverThem) {
     EXPECT_EQ(table.option("tv.name").source, (folder / "config.json").string());
     EXPECT_EQ(table.json().find("extends"), std::string::npos);
 
-    // Below keys that are set, the same ones win.
+    // Existing keys win over keys of read_text_below().
     TestOptions others;
     OptionTable other;
     other.add("tv", others);

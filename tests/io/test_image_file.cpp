@@ -17,7 +17,7 @@ ImageU8 pattern(int width, int height, int channels) {
 }
 
 TEST_F(ImageFile, PngRoundTrip) {
-    start_manifest(folder);  // what it writes it may replace
+    start_manifest(folder);  // allows it to replace its own files
     for (const int channels : {1, 3, 4}) {
         const ImageU8 image = pattern(13, 7, channels);
         const std::string path = (folder / "a/b.png").string();
@@ -92,7 +92,7 @@ TEST_F(ImageFile, FilesOfOtherKindsAreNamed) {
     });
 }
 
-/// The start of a PNG that claims to be of the size.
+/// The start of a PNG that claims the given size.
 std::string png_claim(std::uint32_t width, std::uint32_t height) {
     std::string text("\x89PNG\r\n\x1A\n\x00\x00\x00\x0DIHDR", 16);
     for (const std::uint32_t number : {width, height})
@@ -110,7 +110,7 @@ TEST_F(ImageFile, UnreadableFiles) {
                  [&] { read_image(write("text.png", "no image")); });
     expect_error(ExitCode::input, "E_IMAGE_READ", [&] { read_image(write("empty.png", "")); });
     expect_error(ExitCode::input, "folder", [&] { read_image(folder.string()); });
-    // Too large a claim is refused before any memory is taken.
+    // A claim that is too large must be refused before memory is allocated.
     expect_error(ExitCode::input, "E_IMAGE_READ",
                  [&] { read_image(write("big.png", png_claim(65535, 65535))); });
     expect_error(ExitCode::input, "E_IMAGE_READ",

@@ -7,7 +7,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A MATLAB file by hand: header, then one element.
+/// A hand-made MATLAB file: header, then one element.
 class MatFileTest : public IoTest {
 protected:
     static std::string u32(std::uint32_t v) {
@@ -34,7 +34,7 @@ protected:
 };
 
 TEST_F(MatFileTest, ReadsNarrowStorage) {
-    // Class double, stored as bytes, as MATLAB does for small whole numbers; logical, too.
+    // Class double, stored as bytes, as MATLAB does for small integers; also logical.
     const std::string shape = u32(2) + u32(3);
     for (const std::uint32_t flags : {0u, 0x200u}) {
         const MatArray x = read_mat_array(

@@ -1,5 +1,5 @@
-// Meshes as GLB, OBJ and PLY: what is in the files by a parser of our own tests, that all three are
-// read as the same mesh, and what is not written.
+// Tests meshes as GLB, OBJ and PLY: content of the files by an independent parser, equal results of
+// all three readers, and meshes that the writers refuse.
 #include <sys/resource.h>
 
 #include <cmath>
@@ -26,8 +26,8 @@ protected:
     }
 };
 
-/// Two triangles that meet in an edge and lie apart in the texture; a vertex that nothing uses, and
-/// one at the place of another.
+/// Two triangles that share an edge but not their texture coordinates, an unused vertex, and a
+/// vertex at the position of another.
 TriangleMesh two_triangles() {
     TriangleMesh mesh;
     mesh.vertices = {{0, 0, 0}, {1.1f, 0, 0}, {0, 1.7f, 0.3f}, {1, 1, -2}, {7, 8, 9}, {0, 0, 0}};
@@ -45,14 +45,14 @@ MeshTexture texture_of(const TriangleMesh&) {
     return texture;
 }
 
-/// 30 degrees about z, then about x.
+/// Rotation by 30 degrees about z, then about x.
 Mat3<double> some_turn() {
     const double c = std::cos(M_PI / 6), s = 0.5;
     const Mat3<double> z{{{c, -s, 0}, {s, c, 0}, {0, 0, 1}}}, x{{{1, 0, 0}, {0, c, -s}, {0, s, c}}};
     return x * z;
 }
 
-// A parser of GLB that shares nothing with the program's.
+// A parser of GLB that shares no code with the program's.
 struct Glb {
     json doc;
     std::string binary;
@@ -221,7 +221,7 @@ TEST_F(MeshFiles, ColoursOfVerticesAreLinearInAGlb) {
         EXPECT_LT(norm(back.points.colors[i] - mesh.colors[i]), 1e-3);
 }
 
-/// The same in all formats, bit by bit, near and far, turned and textured or not.
+/// All formats give the same mesh, bit by bit: near and far, rotated, with and without texture.
 TEST_F(MeshFiles, AllFormatsAreReadAsTheSameMesh) {
     const TriangleMesh mesh = two_triangles();
     for (const Vec3d origin : {Vec3d{}, Vec3d{500000.25, 4e6, -12}})
@@ -236,7 +236,7 @@ TEST_F(MeshFiles, AllFormatsAreReadAsTheSameMesh) {
                 SCOPED_TRACE(str(name, textured ? " textured" : "", " from ", origin.x));
                 write_mesh(at(name), mesh, texture, options);
                 const PlyGeometry found = read_mesh_geometry(at(name));
-                // A GLB has what faces need, and what lies at one place once.
+                // A GLB has only vertices of faces, and each position once.
                 ASSERT_EQ(found.positions.size(),
                           mesh_format(name) == MeshFormat::glb ? 4 : mesh.vertices.size());
                 const PlyContents local = read_mesh(at(name), origin);
@@ -246,7 +246,7 @@ TEST_F(MeshFiles, AllFormatsAreReadAsTheSameMesh) {
                         const Vec3d p = found.positions[found.faces[f][c]],
                                     q = expected.positions[mesh.faces[f][c]];
                         for (int a = 0; a < 3; ++a)
-                            // Near 0 an OBJ has the shortest text of a float, not its double.
+                            // Near 0 an OBJ has the shortest text of the float, not of its double.
                             if (mesh_format(name) == MeshFormat::obj && origin.x == 0)
                                 EXPECT_EQ(static_cast<float>(p[a]), static_cast<float>(q[a])) << f;
                             else
@@ -280,7 +280,7 @@ TEST_F(MeshFiles, AnObjWithItsMaterialAndPicture) {
     for (const auto& [format, picture] :
          {std::pair{TextureFormat::jpeg, "a_texture.jpg"}, {TextureFormat::png, "a_texture.png"}}) {
         write_mesh(at("a.obj"), mesh, texture, {.texture_format = format});
-        // Ours may be replaced, as their first bytes say that they are.
+        // The first bytes identify our files, so they may be replaced.
         write_mesh(at("a.obj"), mesh, texture, {.texture_format = format});
         EXPECT_NE(read_bytes(at("a.mtl")).find(str("map_Kd ", picture, "\n")), std::string::npos);
         EXPECT_EQ(read_image(at(picture)).width, 32);
@@ -310,7 +310,7 @@ TEST_F(MeshFiles, AnObjWithItsMaterialAndPicture) {
     EXPECT_NEAR(places[8].y, 0.25f, 1e-7) << "up from the bottom";
     EXPECT_EQ(faces.at(1), "f 3/4 2/5 4/6");
 
-    // What is not ours stays, and then nothing of the mesh is written.
+    // A file of another program stays, and then no file of the mesh is written.
     write("b_texture.jpg", "mine");
     expect_error(ExitCode::usage, "b_texture.jpg", [&] { write_mesh(at("b.obj"), mesh, texture); });
     EXPECT_FALSE(fs::exists(at("b.obj")) || fs::exists(at("b.mtl")));
@@ -332,7 +332,7 @@ TEST_F(MeshFiles, BadMeshesAreNotWritten) {
     }
     const TriangleMesh mesh = two_triangles();
     MeshTexture texture = texture_of(mesh);
-    texture.faces[1].x = 0;  // a place that is vertex 0's
+    texture.faces[1].x = 0;  // texture coordinate of vertex 0
     expect_error(ExitCode::internal, "two vertices",
                  [&] { write_mesh(at("a.glb"), mesh, texture); });
     texture.faces.pop_back();
@@ -341,7 +341,7 @@ TEST_F(MeshFiles, BadMeshesAreNotWritten) {
     EXPECT_EQ(count(), 0);
 }
 
-/// A limit on files stands for a disk that is full.
+/// A limit on file sizes simulates a full disk.
 TEST_F(MeshFiles, NothingIsLeftOfWhatDoesNotFit) {
     const TriangleMesh mesh = two_triangles();
     MeshTexture texture = texture_of(mesh);
@@ -350,7 +350,7 @@ TEST_F(MeshFiles, NothingIsLeftOfWhatDoesNotFit) {
     rlimit before{};
     getrlimit(RLIMIT_FSIZE, &before);
     for (const char* name : {"a.glb", "a.obj", "a.ply"}) {
-        // Below the largest file of each; of an OBJ the picture fits and the text does not.
+        // Below the largest file of each format; of an OBJ the image fits and the text does not.
         write_mesh(at(name), mesh, texture, {.texture_format = TextureFormat::png});
         const std::size_t size = fs::file_size(at(name));
         if (std::string(name) == "a.obj") {
@@ -370,7 +370,7 @@ TEST_F(MeshFiles, NothingIsLeftOfWhatDoesNotFit) {
     expect_error(ExitCode::io, "/dev/full", [&] { write_mesh("/dev/full", mesh, texture); });
 }
 
-/// A strip of triangles, each with the next; places of its own for every `chart` of them.
+/// A strip of adjacent triangles; each `chart` of them has separate texture coordinates.
 TEST_F(MeshFiles, LargeMeshesAreInPartsOf16BitIndices) {
     const int vertices = 150000, chart = 1000;
     TriangleMesh mesh;
@@ -429,7 +429,7 @@ TEST_F(MeshFiles, WhatNoGlbHoldsIsRefused) {
                  [&] { require_glb_room("a.glb", 1, 800000000, false); });
 }
 
-/// Readers of OBJ take a blank for the end of a name.
+/// Readers of OBJ end names at blanks.
 TEST_F(MeshFiles, ObjsWithBlanksInTheirNames) {
     const TriangleMesh mesh = two_triangles();
     write_mesh(at("my #1 mesh.obj"), mesh, texture_of(mesh));

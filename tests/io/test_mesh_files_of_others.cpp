@@ -1,4 +1,4 @@
-// GLB and OBJ of other programs, and hostile ones.
+// Tests reading of GLB and OBJ files of other programs, and of hostile ones.
 #include <nlohmann/json.hpp>
 
 #include "io/io_test.h"
@@ -50,10 +50,11 @@ TEST_F(MeshFilesOfOthers, NodesPlaceTheMeshesOfOthers) {
     ASSERT_EQ(found.positions.size(), 6u);
     ASSERT_EQ(found.faces.size(), 2u);
     EXPECT_EQ(found.faces[1].x, 3);
-    // (1, 0, 0) turned by 90 degrees about z, doubled, moved.
+    // (1, 0, 0) rotated by 90 degrees about z, doubled, moved.
     EXPECT_LT(norm(found.positions[1] - Vec3d{10, 2, 0}), 1e-12);
     EXPECT_LT(norm(found.positions[4] - Vec3d{12, 0, 10}), 1e-12);
-    // Ours without its node's turn: an editor that has baked it is not ours any more.
+    // Our file without its node's rotation: an editor applied it, so the file no longer counts as
+    // ours.
     file.doc["asset"] = json::parse(
         R"({"version": "2.0", "generator": "editor", "extras": {"origin": [9, 9, 9], "vertices": 3}})");
     EXPECT_LT(norm(read_mesh_geometry(write("b.glb", file.bytes())).positions[1] - Vec3d{10, 2, 0}),
@@ -140,7 +141,7 @@ TEST_F(MeshFilesOfOthers, HostileGlbs) {
     const json primitive = copies.doc["meshes"][0]["primitives"][0];
     for (int i = 0; i < 3000; ++i) copies.doc["meshes"][0]["primitives"].push_back(primitive);
     refused(copies.bytes(), "in a file of its size");
-    // A chain of nodes must not use up the stack.
+    // A long chain of nodes must not exhaust the stack.
     OneTriangle deep;
     deep.doc["nodes"] = json::array();
     for (int i = 0; i < 100000; ++i)
@@ -149,7 +150,7 @@ TEST_F(MeshFilesOfOthers, HostileGlbs) {
     refused(deep.bytes(), "64");
 }
 
-/// What lies at one place is one vertex in files of ours, and in those alone.
+/// Vertices at one position merge in our files, and only there.
 TEST_F(MeshFilesOfOthers, CopiesAreJoinedInOurs) {
     OneTriangle file;
     file.binary = raw<float>({0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 2, 0, 0}) +
@@ -168,7 +169,7 @@ TEST_F(MeshFilesOfOthers, CopiesAreJoinedInOurs) {
     EXPECT_TRUE(second.x == 2 && second.y == 1 && second.z == 3);
 }
 
-/// A picture that cannot be had takes the colours away, not the surface.
+/// An unreadable image loses the colours but not the surface.
 TEST_F(MeshFilesOfOthers, DamagedPicturesAreLeftOut) {
     OneTriangle file;
     file.doc["images"] = json::parse(R"([{"bufferView": 0, "mimeType": "image/png"}])");

@@ -71,7 +71,7 @@ TEST_F(Ply, TextAndBothByteOrdersWithPropertiesInAnyOrder) {
         };
         face({0, 1, 2}, 2), face({3, 2, 1, 0}, 0);
         expect_mesh(read_ply(write("binary.ply", b)));
-        // Every shorter file is an error with a name.
+        // Every truncated file gives an error with a code.
         for (std::size_t size = 0; size < b.size(); ++size)
             expect_error(ExitCode::input, "E_PLY_",
                          [&] { read_ply(write("cut.ply", b.substr(0, size))); });
@@ -154,7 +154,7 @@ bool same(const Buffer<T, Cpu>& a, const Buffer<T, Cpu>& b) {
 }
 
 TEST_F(Ply, SplatsComeBackBitForBit) {
-    start_manifest(folder);  // what it writes it may replace
+    start_manifest(folder);  // allows it to replace its own files
     for (const int degree : {0, 1, 2, 3})
         for (const int count : {0, 1, 6000}) {  // 6000 splats: more than one piece of a MiB
             const Gaussians<Cpu> g = random_splats(count, degree);
@@ -239,7 +239,7 @@ TEST_F(Ply, ExampleSplats) {
                             0.01f * static_cast<float>(3 * c + k - 1));
 }
 
-/// A splat file of our own making: 14 properties and whatever else is asked for.
+/// A hand-made splat file: 14 properties and the given extra ones.
 std::string splat_text(const std::string& more_properties,
                        const std::vector<std::string>& rows,
                        bool third_scale = true) {
@@ -267,7 +267,7 @@ TEST_F(Ply, SplatsThatAreNotFiniteAreDropped) {
     EXPECT_EQ(g.means[0].x, 1);
     EXPECT_EQ(g.quats[0].w, 1);
     EXPECT_EQ(g.log_scales[0].z, -3);
-    EXPECT_GT(g.opacity_logits[1], 20);  // infinite: opaque, and finite now
+    EXPECT_GT(g.opacity_logits[1], 20);  // infinite: opaque, now finite
     EXPECT_FLOAT_EQ(g.log_scales[1].z, -1 + std::log(1e-6f));
     write_splat_ply((folder / "b.ply").string(), g);
 }
@@ -364,7 +364,7 @@ TEST_F(Ply, MeshesAndCloudsComeBack) {
     EXPECT_FLOAT_EQ(mesh.points.colors[0].z, 0.2f);
     EXPECT_EQ(mesh.points.colors[2].x, 1);
     EXPECT_EQ(mesh.points.colors[2].y, 0);  // clamped
-    // Numbers of views are a property that readers may leave alone.
+    // Other readers may ignore the property with the numbers of views.
     write_mesh_ply(path, {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0.25f}}, {}, {{0, 1, 2}}, {3, 0, 255}});
     const std::string bytes = read_bytes(path);
     EXPECT_NE(bytes.find("property float z\nproperty uchar views\nelement face 1\n"),

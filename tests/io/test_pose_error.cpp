@@ -1,5 +1,4 @@
-// How far views are from where their points say they are: known motions, noise, lenses, and what
-// files may hold.
+// Tests the estimate of pose errors: known motions, noise, lenses, and unusual files.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,7 +12,7 @@ namespace {
 
 constexpr int kPoints = 400;
 
-/// A view at the origin that looks along z; points before it, and where it sees them.
+/// A view at the origin that looks along z, points in front of it, and their observations.
 struct Model {
     ColmapImage image;
     ColmapPoints points;
@@ -40,7 +39,7 @@ struct Model {
                  static_cast<float>(place.y + noise_px * random.normal())});
         }
     }
-    /// At half the size of the photograph.
+    /// Reduced to half the photograph's size.
     double error() const {
         std::vector<View> views(1);
         views[0].camera.width_px = 200;
@@ -63,7 +62,7 @@ TEST(PoseError, NoneWhereThePoseFits) {
 }
 
 TEST(PoseError, OfAKnownMotion) {
-    // Across the whole image by about f x turn, and f x shift over the depth; halved.
+    // A rotation shifts the image by about f x angle, a shift by f x shift / depth; halved.
     EXPECT_NEAR(Model({0, 0.01, 0}, {}, 0).error(), 0.5 * 380 * 0.01, 0.15);
     EXPECT_NEAR(Model({}, {0, 0.04, 0}, 0).error(), 0.5 * 370 * 0.04 / 4.3, 0.15);
 }
@@ -90,7 +89,7 @@ TEST(PoseError, UnknownWhereLittleIsThere) {
     Model broken({}, {}, 0);
     for (auto& o : broken.image.observations) o.x = NAN;
     EXPECT_TRUE(std::isnan(broken.error()));
-    Model one_place({0, 0.01, 0}, {}, 0);  // a point seen many times says little, but a number
+    Model one_place({0, 0.01, 0}, {}, 0);  // one point, seen often: still a number
     for (std::size_t i = 1; i < kPoints; ++i) {
         one_place.points.positions[i] = one_place.points.positions[0];
         one_place.image.observations[i] = one_place.image.observations[0];

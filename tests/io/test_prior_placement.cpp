@@ -1,4 +1,4 @@
-// Where a view's pixels lie in maps of other sizes, of windows and behind lenses.
+// Tests the mapping from a view's pixels to maps of other sizes, of windows, and with lenses.
 #include <cmath>
 #include <limits>
 
@@ -41,7 +41,7 @@ TEST(MapPlacement, AWindowIsOfTheFile) {
     const MapPlacement placement("a", view, {}, centre_square(view), map);
     const ImageF out = resample_map(map, placement, view, 40, 30, MapBlend::linear);
     for (int x = 0; x < 40; ++x) {
-        // The square is 60 wide from 10, so 30 of the photo from 5.
+        // The square begins at 10 and is 60 wide: in the photo 30 wide from 5.
         EXPECT_EQ(std::isnan(out.at(x, 12)), x < 5 || x >= 35) << x;
         if (x > 7 && x < 32) {
             EXPECT_NEAR(out.at(x, 12), (x + 0.5 - 5) / 30, 1e-6) << x;

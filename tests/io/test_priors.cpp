@@ -1,5 +1,5 @@
-// Files of priors in every format (tests/data/priors, written byte by byte by a script), which file
-// belongs to which view, where its pixels lie, and what is refused.
+// Tests prior files of every format (tests/data/priors, written byte by byte by a script):
+// assignment to views, placement of pixels, and refused files.
 #include <cmath>
 #include <cstring>
 
@@ -33,7 +33,7 @@ struct FormatRow {
     PriorAlignment alignment;
     bool zero_is_none;
     double scale[2] = {1, 1}, shift[2] = {0, 0};  // of the numbers of each view
-    double offset[2] = {0, 0};                    // numbers of this format are smaller by it
+    double offset[2] = {0, 0};                    // the format's numbers are smaller by it
     int side = 0;                                 // of square maps
 
     friend void PrintTo(const FormatRow& row, std::ostream* out) { *out << row.program; }
@@ -200,7 +200,7 @@ TEST_F(PriorFolder, TheFirstOfSeveralFormatsIsTaken) {
          "stereo/depth_maps/0001.png.geometric.bin");
     EXPECT_EQ(find().depth.what, "depth_maps/*.geometric.bin");
     copy("nerfstudio/transforms.json", "transforms.json");
-    EXPECT_EQ(find().depth.what, "depth_maps/*.geometric.bin");  // its files are not there
+    EXPECT_EQ(find().depth.what, "depth_maps/*.geometric.bin");  // its files are missing
     copy("nerfstudio/d/one.png", "d/one.png");
     EXPECT_EQ(find().depth.what, "transforms.json depth_file_path");
     copy("3dgs/depths/0001.png", "depths/0001.png");
@@ -210,7 +210,7 @@ TEST_F(PriorFolder, TheFirstOfSeveralFormatsIsTaken) {
     EXPECT_EQ(find().depth.what, "depth_npy/*_pred.npy");
     copy("vggt/depth_vggt/0001_pred.npy", "depth_vggt/0001_pred.npy");
     EXPECT_EQ(find().depth.what, "depth_vggt/*_pred.npy");
-    // What lies in priors/ goes before all else.
+    // Files in priors/ have priority.
     copy("marigold/depth_npy/0001_pred.npy", "priors/depth_npy/0001_pred.npy");
     EXPECT_EQ(find().depth.what, "depth_npy/*_pred.npy");
     EXPECT_EQ(find().depth.files.size(), 1u);
@@ -230,10 +230,10 @@ TEST_F(PriorFolder, FilesFindTheirViews) {
     using Names = std::map<std::string, std::string>;
     EXPECT_EQ(matched({"a/0001.png", "b/0001.png"}),
               (Names{{"a/0001.png", "a/0001.npy"}, {"b/0001.png", "b/0001.npy"}}));
-    EXPECT_EQ(matched({"0001.jpg"}), Names{});  // which one?
+    EXPECT_EQ(matched({"0001.jpg"}), Names{});  // ambiguous
     EXPECT_EQ(matched({"00007.jpg", "d_rgb.png"}),
               (Names{{"00007.jpg", "7.npy"}, {"d_rgb.png", "d.npy"}}));
-    EXPECT_EQ(matched({"x/7.jpg", "y/7.jpg"}), Names{});  // whose?
+    EXPECT_EQ(matched({"x/7.jpg", "y/7.jpg"}), Names{});  // ambiguous
     EXPECT_EQ(matched({"0009.jpg"}), (Names{{"0009.jpg", "0009.npy"}}));
     EXPECT_EQ(match_priors(folder / "f", {".bin"}, {"long.name.png"}, true).files.size(), 1u);
     EXPECT_TRUE(match_priors(folder / "f", {".bin"}, {"long.name.png"}).empty());
@@ -321,7 +321,7 @@ TEST_F(PriorFolder, DamagedFilesAreRefused) {
             write(name, whole.substr(0, size));
             expect_error(ExitCode::input, name, [&] { read_prior_map(folder / name); });
         }
-        if (name == "x.png") continue;  // what is behind a picture does no harm
+        if (name == "x.png") continue;  // bytes after an image do no harm
         write(name, whole + "1234");
         expect_error(ExitCode::input, name, [&] { read_prior_map(folder / name); });
     }

@@ -7,7 +7,7 @@
 namespace tvsgs {
 namespace {
 
-/// The header's length, the header, the data.
+/// Length of the header, header, data.
 std::string safetensors(const std::string& header, const std::string& data) {
     const std::uint64_t length = header.size();
     std::string bytes(8, '\0');

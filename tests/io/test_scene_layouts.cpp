@@ -1,4 +1,4 @@
-// Layouts other than COLMAP's: the same Scene comes out, and bad input is named.
+// Tests layouts other than COLMAP's: they give the same Scene, and bad input gives an error.
 #include <zip.h>
 
 #include <cmath>
@@ -57,7 +57,7 @@ TEST_F(SceneLayouts, NpzExample) {  // EXPECTED.txt
     fs::copy_file(kExample / "idr/cameras.npz", folder / "cameras.npz");
     photo("image/000.png", 400, 300), photo("image/001.png", 400, 300);
     photo("mask/000.png", 400, 300), photo("mask/001.png", 400, 300);
-    const Scene scene = read();  // the cameras are those of 1600x1200
+    const Scene scene = read();  // the cameras are for 1600x1200
     ASSERT_EQ(scene.train.size(), 2u);
     const Camera& camera = scene.train[1].camera;
     EXPECT_NEAR(camera.fx_px, 2892.33f / 4, 1e-3f);
@@ -79,7 +79,7 @@ TEST_F(SceneLayouts, NpzExample) {  // EXPECTED.txt
     fs::remove(folder / "image/002.png");
     photo("image/000.png", 1150, 862);
     expect_input_error("E_CAM_SCALE");
-    // Every prefix of the file is an error, not a crash.
+    // Every truncated file gives an error and no crash.
     const std::string whole = read_bytes((folder / "cameras.npz").string());
     for (std::size_t size = 0; size < whole.size(); size += 97) {
         write("cameras.npz", whole.substr(0, size));
@@ -140,7 +140,7 @@ TEST_F(SceneLayouts, NpzAgreesWithColmapOnDtu) {
     const Scene colmap = read();
     options.format = SceneFormat::idr;
     options.cameras_file = "cameras_sphere.npz";
-    options.pixel_offset = 0;  // its README: K is used as it stands
+    options.pixel_offset = 0;  // its README: use K unchanged
     const Scene npz = read();
     const NpzCameras cameras = read_npz_cameras(options.path + "/cameras_sphere.npz");
     const auto points =
@@ -270,7 +270,7 @@ TEST_F(SceneLayouts, Mvsnet) {
     expect_centre(scene.train[2], {2, 0, 0});
     EXPECT_EQ(scene.train[0].camera.cx_px, 16);  // counts from the corner
     EXPECT_EQ(scene.train[0].camera.fx_px, 40);
-    // Made for images of a quarter of the size.
+    // Made for images reduced to a quarter.
     for (int i = 0; i < 3; ++i) write(str("cams/0000000", i, "_cam.txt"), camera(i, 10, 3.5, 2.5));
     EXPECT_EQ(read().train[0].camera.fx_px, 40);
     EXPECT_EQ(read().train[0].camera.cx_px, 16);
@@ -294,7 +294,7 @@ TEST_F(SceneLayouts, AFormatThatWasAskedForIsNotGuessed) {
     options.format = SceneFormat::automatic;
     expect_input_error("E_SCENE_LAYOUT");
     expect_input_error("cams/*_cam.txt");
-    write("images/0001.png", "");  // photographs alone
+    write("images/0001.png", "");  // only photographs
     expect_input_error("tvsgs-prepare " + (folder / "images").string() + " SCENE");
 }
 

@@ -31,7 +31,7 @@ protected:
             photo(str("images/", i, ".png"), 8, 6, static_cast<std::uint8_t>(10 * i));
         }
         write("sparse/0/images.txt", images);
-        // x tells which images see the point: seen by 1, 2; by 2, 3, 4; by 4 twice; by none.
+        // x lists the images that see the point: 1, 2; 2, 3, 4; 4 twice; none.
         write("sparse/0/points3D.txt",
               "1 12 0 5 255 0 0 0.1 1 0 2 0\n2 234 0 5 0 255 0 0.1 2 1 3 0 4 0\n3 44 0 5 0 0 255 "
               "0.1 4 1 4 2\n4 0 0 5 0 0 0 0.1\n");
@@ -78,7 +78,7 @@ TEST_F(SceneReader, ChoosesViewsWithoutTheirPixels) {
     expect_input_error("images/1.png");
 
     for (int i = 0; i < 4; ++i) photo(str("images/", i, ".png"), 8, 6, 10);
-    options.grey_scale = 0.5;  // of how views are read: it may be decided in between
+    options.grey_scale = 0.5;  // affects only how views are read, so it may change here
     const Scene scene = load_scene(chosen, options);
     EXPECT_EQ(scene.train.size(), 3u);
     EXPECT_EQ(scene.test.size(), 1u);
@@ -96,7 +96,7 @@ TEST_F(SceneReader, PointsOfTestViewsDoNotLeak) {
     expect_input_error("E_NO_POINTS");
     options.need_points = false;
     EXPECT_TRUE(read().points.positions.empty());
-    // Clouds beside the model do not say who saw them.
+    // Clouds beside the model do not tell which views see their points.
     options.need_points = true;
     write_cloud_ply((folder / "dense/fused.ply").string(), {{{7, 7, 7}}, {}, {}});
     expect_input_error("E_NO_POINTS");
@@ -150,7 +150,7 @@ TEST_F(SceneReader, Layouts) {
     for (const char* tried : {"/sparse/0\n", "/sparse\n", "/dense/sparse\n", "/colmap/sparse/0\n"})
         expect_input_error(tried);
     write("transforms.json", "{}");
-    expect_input_error("E_TRANSFORMS");  // taken for nerfstudio's
+    expect_input_error("E_TRANSFORMS");  // detected as nerfstudio's
     options.format = SceneFormat::colmap;
     expect_input_error("/dense/sparse\n");
     options.format = SceneFormat::automatic;
@@ -193,7 +193,7 @@ TEST_F(SceneReader, BrokenImage) {
 }
 
 TEST_F(SceneReader, ImageSizes) {
-    photo("images/1.png", 4, 3, 10);  // shrunk beforehand: the camera follows
+    photo("images/1.png", 4, 3, 10);  // reduced beforehand: the camera is scaled
     Scene scene = read();
     EXPECT_EQ(scene.train[1].camera.fx_px, 5);
     EXPECT_EQ(scene.train[1].camera.cy_px, 1.5f);
@@ -216,12 +216,12 @@ TEST_F(SceneReader, ResolutionAndPrincipalPoint) {
     EXPECT_EQ(scene.train[2].camera.fx_px, 5);
     EXPECT_EQ(scene.train[2].camera.cx_px, 2.5f);
     EXPECT_EQ(scene.train[2].camera.cy_px, 1);
-    EXPECT_TRUE(scene.train[2].grey.empty());  // the photograph will do
+    EXPECT_TRUE(scene.train[2].grey.empty());  // the photograph suffices
     options.grey_scale = 0.5f;
     EXPECT_EQ(read().train[2].grey.width, 8);
     EXPECT_EQ(read().train[2].grey.height, 6);
     EXPECT_EQ(read().train[2].grey.channels, 1);
-    options.grey_scale = 0.25f;  // no finer than the file
+    options.grey_scale = 0.25f;  // not finer than the file
     EXPECT_EQ(read().train[2].grey.width, 8);
     options.center_principal_point = true;
     scene = read();
@@ -269,7 +269,7 @@ TEST_F(SceneReader, MasksOfAFolder) {
     }
     photo("other/1.png", 8, 6, 255, 1);
     options.masks = "other";
-    expect_input_error("E_MASKS");  // asked for, and three are missing
+    expect_input_error("E_MASKS");  // requested, and three are missing
     options.views = "1";
     options.min_train_views = 1;
     options.need_points = false;
@@ -299,7 +299,7 @@ TEST_F(SceneReader, DistortedCameras) {
     const Scene scene = read();
     const View& view = scene.train[1];
     EXPECT_EQ(view.camera.fy_px, 10);
-    EXPECT_EQ(view.mask.at(0, 0), kNoPhoto);  // the pinhole sees farther than the lens did
+    EXPECT_EQ(view.mask.at(0, 0), kNoPhoto);  // the pinhole sees farther than the lens
     EXPECT_EQ(view.mask.at(4, 3), 255);
     EXPECT_EQ(view.photo.at(4, 3), 10);
     camera("1 SIMPLE_RADIAL 8 6 10 4 3 -0.1");
@@ -314,7 +314,7 @@ TEST_F(SceneReader, DistortedCameras) {
     expect_input_error("colmap image_undistorter");
 }
 
-/// What has no photograph is black: no pixel that the filter gave a part of it counts.
+/// A pixel outside the photograph is black; pixels that the filter mixed with it do not count.
 TEST_F(SceneReader, TheRimOfUndistortionIsMasked) {
     for (int i = 0; i < 4; ++i) photo(str("images/", i, ".png"), 160, 120, 200);
     camera("1 OPENCV 160 120 100 100 80 60 0.3 0.1 0 0");
@@ -377,7 +377,7 @@ TEST_F(SceneReader, PhotographsThatFitOnlyWhenTurned) {
     }
     // As COLMAP computes: the pixels as they are stored.
     for (const View& view : read().train) EXPECT_NEAR(view.photo.at(8, 4), 240, 3);
-    // The cameras of other programs are of turned pixels.
+    // Cameras of other programs describe turned pixels.
     camera("1 PINHOLE 32 64 100 110 16 32");
     const Scene scene = read();
     const std::pair<int, int> bright[] = {{8, 8}, {24, 8}, {24, 56}, {8, 56}};
@@ -388,7 +388,7 @@ TEST_F(SceneReader, PhotographsThatFitOnlyWhenTurned) {
             EXPECT_NEAR(view.photo.at(x, y), std::pair(x, y) == bright[i] ? 240 : 10, 3)
                 << "orientation " << 5 + i << " at " << x << ", " << y;
     }
-    // What says no orientation, or one that keeps the sides, is refused.
+    // Without an orientation that swaps the sides the image is refused.
     for (const char orientation : {'\0', '\1', '\3', '\x09'}) {
         write("images/2.jpg", oriented_jpeg(stored, orientation));
         expect_input_error("2.jpg: 64x32 pixels; its camera has 32x64 (turned");
@@ -412,7 +412,7 @@ TEST_F(SceneReader, ExtensionsOfEveryKind) {
     const Scene scene = read();
     ASSERT_EQ(scene.train.size(), 4u);
     for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(scene.train[i].photo.at(3, 3), 90, 2) << i;
-    // A TIFF that the model lists: a PNG of its name is taken; alone it is refused by what it is.
+    // A TIFF in the model: a PNG with its name replaces it; alone, the error names the format.
     std::string images = read_bytes((folder / "sparse/0/images.txt").string());
     images.replace(images.find("0.png"), 5, "0.tif");
     write("sparse/0/images.txt", images);

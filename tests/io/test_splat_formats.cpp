@@ -1,4 +1,4 @@
-// Splats as GLB and as SOG, and what the latter is made of: codebooks, palettes, archives.
+// Tests splats as GLB and as SOG, and the parts of SOG: codebooks, palettes, archives.
 #include <gtest/gtest.h>
 #include <omp.h>
 #include <zip.h>
@@ -29,7 +29,7 @@ json document_of(const std::string& glb) {
     return json::parse(glb.substr(20, length));
 }
 
-/// The file with another document.
+/// The file with a changed document.
 std::string with_document(const std::string& glb, const json& document) {
     std::uint32_t old = 0;
     std::memcpy(&old, &glb[12], 4);
@@ -119,7 +119,7 @@ TEST(SplatGlb, SaysWhatTheExtensionAsksFor) {
     EXPECT_NEAR(rgba[3], 32768, 1);
 }
 
-/// What a viewer shows is upright: the node's turn times that of the numbers is the scene's.
+/// Viewers show the scene upright: the node's rotation times that of the numbers is the scene's.
 TEST(SplatGlb, TurnsItsNodeByWhatTheFrameHasNotTurned) {
     Gaussians<Cpu> g = test::random_gaussians(3, 1);
     SplatGlbOptions options;
@@ -229,8 +229,8 @@ TEST(ShPalette, FindsKindsThatAreThere) {
     }
 }
 
-/// More centres are nearer; how near random vectors can be says rate-distortion theory: 1, 2 and 4
-/// bits for each of three numbers.
+/// More centres give smaller errors. Rate-distortion theory bounds the error of random vectors: 1,
+/// 2 and 4 bits for each of three numbers.
 TEST(ShPalette, IsNearerWithMoreKinds) {
     test::Random random(3);
     std::vector<float> vectors(3 * 20000);
@@ -298,7 +298,7 @@ TEST_F(Sog, KeepsTheBoundsOfEachAttribute) {
             EXPECT_LT(e.degrees, 0.99);
             EXPECT_GT(e.degrees, 0.3);
             EXPECT_LE(e.opacity, 1.0 / 510 + 1e-6);
-            EXPECT_LT(e.log_scale, 0.15);  // of the few that are far from all others
+            EXPECT_LT(e.log_scale, 0.15);  // of the few outliers
             EXPECT_LT(e.color, 0.15);
         }
 }
@@ -420,7 +420,7 @@ TEST_F(Sog, RefusesDamagedFiles) {
     refuses("the centre of splat", [](json& m, Files&) { m["means"]["maxs"][0] = 1e30; });
     refuses("no WebP picture", [](json&, Files& f) { f[3].second = "RIFF"; });
     refuses("a damaged WebP", [](json&, Files& f) { f[3].second.resize(f[3].second.size() / 2); });
-    // Bytes that deflate to next to nothing buy neither memory nor splats.
+    // Bytes that compress to almost nothing must not allow more memory or splats.
     const auto padded = [&](std::size_t bytes, std::int64_t count) {
         const std::string path = write("e.sog", "");
         json meta = json::parse(files[0].second);

@@ -1,5 +1,5 @@
-// SPZ: bytes made by hand, the format's bounds on errors, turns of frames by rendering, files that
-// are damaged on purpose.
+// Tests SPZ: hand-made bytes, the format's error bounds, rotations of frames by rendering, and
+// damaged files.
 #include <gtest/gtest.h>
 #include <omp.h>
 #include <zlib.h>
@@ -46,7 +46,7 @@ void put_number(Bytes& out, std::uint64_t value, int bytes) {
     for (int b = 0; b < bytes; ++b) out.push_back(std::uint8_t(value >> (8 * b)));
 }
 
-/// A frame of zstd without packing, made by hand: one raw block.
+/// A hand-made zstd frame without compression: one raw block.
 Bytes raw_frame(const Bytes& bytes) {
     Bytes out{0x28, 0xb5, 0x2f, 0xfd, 0xa0};  // one segment, its size in four bytes
     put_number(out, bytes.size(), 4);
@@ -55,7 +55,7 @@ Bytes raw_frame(const Bytes& bytes) {
     return out;
 }
 
-/// Version 4 by hand, of what version 3 has in its gzip, with something before its table.
+/// Hand-made version 4 with the content of version 3, and a gap before its table.
 Bytes version_four(const Bytes& three, std::size_t before_table = 0) {
     std::uint32_t count = 0;
     std::memcpy(&count, &three[8], 4);
@@ -113,7 +113,7 @@ TEST(Spz, HasTheBytesOfTheSpecification) {
 
 TEST(Spz, OfVersionTwoDiffersInItsRotations) {
     Gaussians<Cpu> g = one_splat();
-    g.quats[0] = {-0.5f, 0.5f, 0.5f, -0.5f};  // as its opposite: 0.5, -0.5, -0.5, 0.5
+    g.quats[0] = {-0.5f, 0.5f, 0.5f, -0.5f};  // same as its negative: 0.5, -0.5, -0.5, 0.5
     SpzOptions options;
     options.version = 2, options.frame = SplatFrame::rdf, options.antialiased = true;
     const Bytes bytes = gunzip(spz_bytes(g, options));
@@ -122,7 +122,7 @@ TEST(Spz, OfVersionTwoDiffersInItsRotations) {
     EXPECT_EQ(bytes[14], 1);
     EXPECT_EQ(Bytes(bytes.begin() + 32, bytes.begin() + 35), (Bytes{64, 64, 191}));
     g.quats[0] = {0, 0, 0, -1};
-    options.version = 3;  // z, number 2, counts as 1, so that the others' zeros are negative
+    options.version = 3;  // z, number 2, counts as 1, so the zeros of the others are negative
     const Bytes three = gunzip(spz_bytes(g, options));
     EXPECT_EQ(Bytes(three.begin() + 32, three.begin() + 36), (Bytes{0, 2, 8, 0xa0}));
 }
@@ -158,7 +158,7 @@ TEST(Spz, OfVersionFourHasTheNumbersOfVersionThree) {
             end += number(table + 16 * i, 8);
         }
         EXPECT_EQ(end, four.size());
-        // Of whoever wrote it, packed or not, it is the same splats.
+        // Files of any writer, compressed or not, give the same splats.
         const SpzContents expected = parse_spz(three, "a.spz");
         for (const Bytes& file : {four, version_four(inside), version_four(inside, 24)}) {
             const SpzContents read = parse_spz(file, "a.spz");
@@ -257,7 +257,7 @@ TEST(Spz, KeepsTheBoundsOfEachAttribute) {
 TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
     EXPECT_EQ(spz::fractional_bits(0), 20);
     EXPECT_EQ(spz::fractional_bits(7.99f), 20);
-    EXPECT_EQ(spz::fractional_bits(8), 19);  // 2^23 is one too many
+    EXPECT_EQ(spz::fractional_bits(8), 19);  // 2^23 does not fit
     EXPECT_EQ(spz::fractional_bits(2047.99f), 12);
     EXPECT_EQ(spz::fractional_bits(8388607), 0);
     EXPECT_EQ(spz::fractional_bits(8388608), -1);
@@ -271,7 +271,7 @@ TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
     expect_error(ExitCode::input, "lies 9e+06 from zero", [&] { spz_bytes(g); });
 }
 
-/// Rotations at the seams of their packing, opacities of 0 and 1, and values beyond the ranges.
+/// Rotations at the limits of their packing, opacities of 0 and 1, and values outside the ranges.
 TEST(Spz, KeepsExtremes) {
     for (const Quatf q : {Quatf{1, 1, 1, 1}, Quatf{-1, 1, -1, 1}, Quatf{0, 0, 0, -1},
                           Quatf{0, 1, 1, 0}, Quatf{1e-3f, -1, 0, 1}})
@@ -286,7 +286,7 @@ TEST(Spz, KeepsExtremes) {
         EXPECT_EQ(spz::unpack_sh(spz::pack_sh(float(i) / 128, 8)), float(i) / 128);
 }
 
-/// What the file's frame shows from its own camera is what ours shows from ours.
+/// A camera in the file's frame sees the same image as the camera in our frame.
 TEST(SplatFrame, TurnsHarmonicsAndShapesAlike) {
     const Gaussians<Cpu> g = test::random_gaussians(300, 3, 0.15);
     const Camera camera = test::test_camera(48, 40);
@@ -310,7 +310,7 @@ TEST(SplatFrame, TurnsHarmonicsAndShapesAlike) {
         for (int row = 0; row < 3; ++row)
             for (int c = 0; c < 3; ++c) from.camera_from_world.R[row][c] *= turn.signs[c];
         EXPECT_LT(difference(render(turned, from), expected), 1e-4);
-        copy(g.sh, turned.sh);  // that the test would notice
+        copy(g.sh, turned.sh);  // otherwise the test would not notice
         EXPECT_GT(difference(render(turned, from), expected), 0.05);
     }
 }

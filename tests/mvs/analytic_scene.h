@@ -1,5 +1,5 @@
-// A textured ball before a slanted wall, seen by cameras on an arc; every pixel's depth and normal
-// are known.
+// A textured ball in front of a slanted wall, seen by cameras on an arc. Every pixel's depth and
+// normal are known.
 #pragma once
 
 #include <cmath>
@@ -19,7 +19,7 @@ constexpr double kBallRadius = 0.9;
 inline const Vec3d kWallNormal = normalize(Vec3d{0.2, -0.3, -1});
 constexpr double kWallOffset = -1.3;  // normal . x
 
-/// What the ray through image point (u, v) meets. The ball is at the origin.
+/// The surface that the ray through image point (u, v) meets. The ball is at the origin.
 inline Surface trace(const Camera& camera, double u, double v) {
     const Rigid3d world_from_camera =
         inverse(Rigid3d{mat_cast<double>(camera.camera_from_world.R),

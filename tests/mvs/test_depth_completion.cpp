@@ -1,4 +1,4 @@
-// Filled-in depth against a direct solution, at edges, masks, and in other units.
+// Tests depth completion: against a direct solution, at edges and masks, and in other units.
 #include <omp.h>
 
 #include <cmath>
@@ -21,7 +21,7 @@ SparseDepth random_case(int width, int height, double share, unsigned seed) {
     return d;
 }
 
-/// The minimum by elimination.
+/// The minimum by Gaussian elimination.
 std::vector<double> solved_directly(const SparseDepth& d, double smoothness) {
     const int w = d.width_px, n = w * d.height_px;
     const auto size = static_cast<std::size_t>(n);
@@ -91,7 +91,7 @@ TEST(CompleteDepth, StopsAtEdgesOfThePhotograph) {
         EXPECT_NEAR(got[static_cast<std::size_t>(i)], i % w < 30 ? 2 : 4, 0.02) << i;
 }
 
-/// A hole wider than there are steps: its middle is not forgotten.
+/// A hole wider than the number of iterations is filled up to its middle.
 TEST(CompleteDepth, CrossesWideHoles) {
     const int w = 600, h = 24;
     SparseDepth d{
@@ -103,7 +103,7 @@ TEST(CompleteDepth, CrossesWideHoles) {
             d.depth[at] = depth, d.weight[at] = 1;
         }
     const std::vector<float> got = complete_depth(d);
-    // Inverse depth is linear in between, but at the ends, which give way.
+    // Inverse depth is linear in between, except at the ends, which yield slightly.
     for (int x = 0; x < w; x += 50)
         EXPECT_NEAR(1 / got[static_cast<std::size_t>(12 * w + x)], 0.5 - 0.25 * x / (w - 1), 0.01)
             << x;

@@ -1,4 +1,4 @@
-// Descriptors of photographs: what they tell apart, and what they are not to notice.
+// Tests descriptors of photographs: differences that they show, and changes that they ignore.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -95,7 +95,7 @@ TEST_P(Descriptors, ComeAtAnySizeWithTheSameContent) {
 }
 
 TEST_P(Descriptors, TurnWithTheirCamera) {
-    // A quarter turn from x to y: what was on the right is below.
+    // A quarter turn from x to y: the right side moves to the bottom.
     const ImageU8 photo = waves(0);
     ImageU8 turned(kHeight, kWidth, 3);
     for (int y = 0; y < kHeight; ++y)

@@ -1,4 +1,4 @@
-// The formulas of stereo for one pixel.
+// Tests the formulas of stereo for one pixel.
 #include "analytic_scene.h"
 #include "mvs/stereo/depth_fusion_bodies.h"
 #include "mvs/stereo/depth_segments.h"
@@ -191,7 +191,7 @@ TEST(DropRepeated, MostAroundDecide) {
     std::vector<std::uint8_t> kinds(kWidth * kHeight, kUnique);
     for (int y = 0; y < kHeight; ++y)
         for (int x = 50; x < kWidth; ++x) kinds[std::size_t(y * kWidth + x)] = kRepeated;
-    for (int i = 0; i < kWidth * kHeight; i += 5)  // one in five is alike by chance, or not
+    for (int i = 0; i < kWidth * kHeight; i += 5)  // one in five matches by chance, or not
         kinds[std::size_t(i)] = i % kWidth < 50 ? kRepeated : kUnique;
     kinds[30 * kWidth + 10] = kNoDepth;
     std::vector<float> depths(kinds.size(), 2.0f), confidences(kinds.size(), 0.5f);

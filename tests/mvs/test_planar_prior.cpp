@@ -1,4 +1,4 @@
-// Triangles between sure pixels, and the planes they hold.
+// Tests triangles between support points, and their planes.
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -17,7 +17,7 @@ std::int64_t area(Vec2<int> a, Vec2<int> b, Vec2<int> c) {
     return std::int64_t{b.x - a.x} * (c.y - a.y) - std::int64_t{b.y - a.y} * (c.x - a.x);
 }
 
-/// No point lies inside a triangle's circle, by centre and radius in double; twice the area of all.
+/// Checks that no point lies inside a triangle's circle, in double; returns twice the total area.
 std::int64_t check_circles(const Points& points) {
     std::int64_t total = 0;
     for (const auto& t : delaunay(points)) {
@@ -68,7 +68,7 @@ TEST(Delaunay, TooLittleForATriangle) {
     EXPECT_EQ(one.size(), 1u);
 }
 
-/// A view of one plane: sure at the pixels that `sure` names, planes elsewhere are wrong.
+/// A view of one plane: correct at the pixels that `sure` selects, wrong elsewhere.
 struct PlaneView {
     Camera camera = test::arc_camera(120, 90, 0.1);
     Vec3f normal = normalize(Vec3f{0.3f, -0.2f, -0.9f});

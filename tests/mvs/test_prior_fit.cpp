@@ -1,4 +1,4 @@
-// Scale, shift and convention of priors, against values computed by hand.
+// Tests the fit of scale, shift and convention of priors against values computed by hand.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ using Q = PriorQuantity;
 using G = PriorGeometry;
 using A = PriorAlignment;
 
-/// Points of depth 2 to 6 on rays up to 37 degrees off the axis; numbers of a map of them.
+/// Points with depths of 2 to 6 on rays up to 37 degrees off the axis, with a map's values.
 PriorSamples samples_of(Q quantity, G geometry, double scale, double shift, int count = 200) {
     test::Random random(7);
     PriorSamples samples;
@@ -71,20 +71,20 @@ TEST(PriorFit, FindsTheUnitAlone) {
     const PriorFit metric =
         fit_prior(samples_of(Q::depth, G::z, 1.25, 0), {Q::depth, G::z, A::metric});
     EXPECT_EQ(metric.scale, 1);
-    EXPECT_NEAR(metric.residual, 0.2, 1e-12);  // the numbers are too small by that
+    EXPECT_NEAR(metric.residual, 0.2, 1e-12);  // the numbers are too small by this share
 }
 
 TEST(PriorFit, WithstandsPointsThatAreHidden) {
     PriorSamples samples = samples_of(Q::inverse_depth, G::z, 1.7, 0.05, 300);
     for (std::size_t i = 0; i < samples.size(); ++i)
-        if (i % 5 < 2) {  // 40 % lie up to three times as far as what the map shows
+        if (i % 5 < 2) {  // 40 % lie up to three times as far as the map shows
             const double behind = 1.2 + 0.02 * static_cast<double>(i % 90);
             samples[i].depth *= behind, samples[i].distance *= behind;
         }
     const PriorFit fit = fit_prior(samples, {Q::inverse_depth, G::z, A::affine});
     EXPECT_NEAR(fit.scale, 1.7, 1e-6);
     EXPECT_NEAR(fit.shift, 0.05, 1e-6);
-    // With noise, too: points far off have no weight at all, not just less.
+    // Also with noise: far outliers have weight zero, not only less.
     test::Random random(6);
     for (PriorSample& s : samples) s.value *= 1 + 0.01 * random.normal();
     const PriorFit both = fit_prior(samples, {Q::inverse_depth, G::z, A::affine});
@@ -105,7 +105,7 @@ TEST(PriorFit, WeighsErrorsByDepth) {
 TEST(PriorFit, FarFromZeroNothingCancels) {
     PriorSamples samples = samples_of(Q::depth, G::z, 1e-3, 0);
     for (PriorSample& s : samples) s.value += 1e7;
-    // Their variance is 1e-8 of the mean's square, too little to tell a line from noise.
+    // Their variance is 1e-8 of the mean's square, too small to tell a line from noise.
     EXPECT_EQ(fit_prior(samples, {Q::depth, G::z, A::affine}).shift, 0);
     for (PriorSample& s : samples) s.value -= 9.9e6;
     const PriorFit fit = fit_prior(samples, {Q::depth, G::z, A::affine});
@@ -123,13 +123,13 @@ TEST(PriorFit, IsNotMadeOfTooLittle) {
     EXPECT_TRUE(fit_prior(samples_of(Q::depth, G::z, 1, 0, kFewestForScale), scale).found);
     PriorSamples alike = samples_of(Q::depth, G::z, 1, 0);
     for (PriorSample& s : alike) s.value = 0.5;
-    const PriorFit unit = fit_prior(alike, affine);  // the unit alone, which does not help here
+    const PriorFit unit = fit_prior(alike, affine);  // finds only the scale, which is no help
     EXPECT_EQ(unit.shift, 0);
     EXPECT_GT(unit.residual, 0.2);
     for (PriorSample& s : alike) s.value = 0;
     EXPECT_FALSE(fit_prior(alike, affine).found);
     EXPECT_FALSE(fit_prior(alike, scale).found);
-    // Numbers that fall with depth are no depth, and give no negative scale.
+    // Numbers that fall with depth are not depth, and must not give a negative scale.
     const PriorFit turned = fit_prior(samples_of(Q::depth, G::z, -1, 0), affine);
     EXPECT_TRUE(!turned.found || turned.residual > 0.2);
     EXPECT_GT(turned.scale, 0);
@@ -145,7 +145,7 @@ TEST(PriorFit, TellsMoreThanOneDepthForAll) {
     PriorSamples mixed = samples;
     for (PriorSample& s : mixed) s.value = 0.3 * s.value + random.uniform(0, 2);
     EXPECT_TRUE(tells_nothing(fit_prior(mixed, affine)));
-    // Numbers with noise of a tenth of the depths' range still tell most of it.
+    // Numbers with noise of a tenth of the depth range still explain most of it.
     for (PriorSample& s : samples) s.value += 0.2 * random.normal3().x;
     EXPECT_FALSE(tells_nothing(fit_prior(samples, affine)));
     const PriorFit none, wall{true, 1, 0, 0.009, 0.009}, most{true, 1, 0, 0.066, 0.1};
@@ -215,7 +215,7 @@ TEST(ChooseReading, TakesAsFewUnknownsAsFit) {
     EXPECT_EQ(alignment(1, 0), A::metric);
     EXPECT_EQ(alignment(3, 0), A::scale);
     EXPECT_EQ(alignment(3, 1), A::affine);
-    // A shift that explains a third of the error is not worth it.
+    // A shift that removes a third of the error is not enough.
     PriorSamples samples = samples_of(Q::depth, G::z, 3, 0.27, 2000);
     test::Random random(8);
     for (PriorSample& s : samples) s.value *= 1 + 0.03 * random.normal();
@@ -238,7 +238,7 @@ TEST(ChooseReading, RefusesWhatContradictsADeclaration) {
     EXPECT_EQ(
         choose_reading(along, declared(Q::depth, G::unknown, A::metric), 0.1).reading.geometry,
         G::ray);
-    // Another unit: nothing in scene units fits, and the table tells what would.
+    // Another unit: no reading in scene units fits, and the table lists the ones that would.
     expect_message("depth (scale) fits to 0 %",
                    [&] { choose_reading(doubled, declared(Q::depth, G::z, A::metric), 0.1); });
     EXPECT_NO_THROW(choose_reading(inverse, declared(Q::inverse_depth, G::z, A::affine), 0.1));
@@ -297,7 +297,7 @@ TEST(VisiblePoints, AreNotBehindOthers) {
         EXPECT_NEAR(p.depth, static_cast<double>(q.z), 1e-6);
     }
     EXPECT_EQ(front, 2000);
-    EXPECT_LT(behind, 40);  // a cell of eight rarely has none in front
+    EXPECT_LT(behind, 40);  // a cell of eight points rarely has none in front
     EXPECT_TRUE(visible_points(camera, {}).empty());
 }
 
@@ -357,7 +357,7 @@ TEST(PriorAgreement, AgainstOneNormalForAll) {
         mixed[i].found = samples[(i + 7) % samples.size()].found;
     EXPECT_NEAR(agreement_of(mixed, usual).cosine, 0.25, 0.03);  // independent: its square
     EXPECT_TRUE(tells_nothing(agreement_of(mixed, usual)));
-    // A wall: one normal says all, and a map of it is none the worse.
+    // A wall: one normal fits all points, and a map of the wall must not be rejected.
     EXPECT_FALSE(tells_nothing(PriorAgreement{0.9, 0.95}));
     EXPECT_FALSE(tells_nothing(agreement_of({samples.begin(), samples.begin() + 49}, usual)));
 }

@@ -1,4 +1,4 @@
-// Depth, normals and the cloud of scenes whose surfaces are known.
+// Tests depth, normals and the cloud on scenes with known surfaces.
 #include <omp.h>
 
 #include <algorithm>
@@ -42,7 +42,7 @@ StereoResult run(const std::vector<View>& views, const StereoOptions& o = {}) {
     return reconstruct_stereo(Device{}, views, {}, o);
 }
 
-// Of the depths found 19 of 20 are within 1 % of the truth, and 9 of 10 normals within 15 degrees.
+// 19 of 20 depths are within 1 % of the truth, and 9 of 10 normals within 15 degrees.
 TEST(Stereo, FindsBallAndWall) {
     const std::vector<View> views = test::arc_views(3, textured, 160, 120);
     const StereoResult result = run<Cpu>(views);
@@ -103,7 +103,7 @@ TEST(Stereo, OneConfirmsWhereFewCanSee) {
     };
     const Quality one = outer({}), two = outer(twice);
     EXPECT_GT(one.found, 1.1 * two.found);
-    // One witness less is not free, but costs less than a hundredth: 0.963 against 0.967.
+    // One source less lowers the share by less than a hundredth: 0.963 against 0.967.
     EXPECT_GT(double(one.near) / one.found, double(two.near) / two.found - 0.01);
 }
 
@@ -115,7 +115,7 @@ TEST(Stereo, PlainSurfacesGetNoPoints) {
     const StereoMaps& map = result.maps[1];
     for (int y = 0; y < map.camera.height_px; ++y)
         for (int x = 0; x < map.camera.width_px; ++x) {
-            // Patches that reach the edge of the ball see its outline, which is texture.
+            // Patches at the edge of the ball see its outline, which is texture.
             bool plain = true;
             for (int corner = 0; corner < 4; ++corner)
                 plain &= test::trace(views[1].camera, x + 0.5 + ((corner & 1) != 0 ? 8 : -8),
@@ -129,7 +129,7 @@ TEST(Stereo, PlainSurfacesGetNoPoints) {
     EXPECT_GT(result.cloud.positions.size(), 2000u) << "the wall is still there";
 }
 
-/// Grey noise of a camera, the same in every run.
+/// Grey noise of a camera, equal in every run.
 void add_noise(std::vector<View>& views, double deviation) {
     test::Random random(11);
     for (View& view : views)
@@ -137,7 +137,7 @@ void add_noise(std::vector<View>& views, double deviation) {
             p = std::uint8_t(std::clamp(p + 255 * deviation * random.normal(), 0.0, 255.0));
 }
 
-/// Of one view: its pixels on the ball or on the wall, how many have a depth, how many within 1 %.
+/// For one view: its pixels on the ball or on the wall, with a depth, and within 1 %.
 template <class Chosen>
 Quality judge_part(const View& view, const StereoMaps& map, const Chosen& chosen) {
     Quality q;
@@ -156,7 +156,7 @@ bool on_ball(const test::Surface& s) {
     return s.is_ball;
 }
 
-// Noise on a plain ball before a textured wall: nothing tells its depth.
+// Noise on a plain ball in front of a textured wall: nothing determines its depth.
 TEST(Stereo, NoiseOnAPlainObjectGivesNoDepth) {
     std::vector<View> views = test::arc_views(
         3, [](const test::Surface& s) { return s.is_ball ? 0.6 : test::texture(s.point); });
@@ -169,7 +169,7 @@ TEST(Stereo, NoiseOnAPlainObjectGivesNoDepth) {
     EXPECT_LT(ball.found, 0.02 * ball.pixels) << "more than chance";
 }
 
-// A wall whose waves repeat every 10 px: other pieces of it look alike in every view.
+// A wall whose waves repeat every 10 px: other parts of it match equally well in every view.
 TEST(Stereo, RepeatedTextureGivesNoPoints) {
     const std::vector<View> views = test::arc_views(3, [](const test::Surface& s) {
         if (s.is_ball) return test::texture(s.point);
@@ -180,7 +180,7 @@ TEST(Stereo, RepeatedTextureGivesNoPoints) {
     const StereoMaps map = run<Cpu>(views).maps[1];
     const Quality wall = judge_part(views[1], map, on_wall),
                   ball = judge_part(views[1], map, on_ball);
-    // Patches that reach the ball, or the ends of the range, see something unique: 15.5 % of all.
+    // Patches that reach the ball, or the ends of the range, are unique: 15.5 % of all.
     EXPECT_LT(wall.found, 0.2 * wall.pixels);
     EXPECT_GT(ball.near, 0.8 * ball.pixels);
 }
@@ -257,8 +257,8 @@ TEST(Stereo, RefusesWhatCannotWork) {
               std::string::npos);
 }
 
-// Rounding differs between the devices and the search is chaotic, so pixels are compared as a
-// crowd: both find nearly the same pixels, and there the same surface.
+// Rounding differs between the devices and the search is chaotic, so the test compares statistics:
+// both find nearly the same pixels, with the same surface there.
 TEST(StereoTwins, Agree) {
     if (const std::string reason = test::no_cuda(); !reason.empty()) GTEST_SKIP() << reason;
     if constexpr (kHasCuda) {
@@ -276,7 +276,7 @@ TEST(StereoTwins, Agree) {
             EXPECT_GT(same, 0.97 * both);
             const Quality q = judge(views[v], cuda.maps[v]);
             EXPECT_GT(q.near, 0.95 * q.found);
-            // Normals are the softest part of the answer: as good a share of them as the CPU has.
+            // Normals are the least stable result: the share of good normals must equal the CPU's.
             const Quality reference = judge(views[v], cpu.maps[v]);
             EXPECT_GT(double(q.aligned) / q.found,
                       double(reference.aligned) / reference.found - 0.01);

@@ -1,7 +1,7 @@
-// A model of the tests: round discs whose alpha ends in nothing at their rim, each with a depth
-// that has a slope, six features more than colours, and records that are none of EWA's sizes. Its
-// pixels know how far apart in depth is what they blend, whose derivative needs sums over all
-// splats. Blended on either device.
+// Blending model of the tests: round discs whose alpha falls to 0 at their edge, each with a
+// sloping depth, six features besides colours, and records of other sizes than EWA's. A pixel
+// measures the spread in depth of its discs; the derivative needs sums over all splats. Blended on
+// either device.
 #pragma once
 
 #include <vector>
@@ -70,7 +70,7 @@ struct DiscModel {
     TVSGS_HD static constexpr int filled(int v) { return v; }
 
     struct Hit {
-        float alpha, inside;  // 1 at the centre, 0 at the rim
+        float alpha, inside;  // 1 at the centre, 0 at the edge
         Vec2f offset;
     };
     struct PixelForward {
@@ -177,7 +177,7 @@ struct DiscResult {
     std::vector<float> transmittance, depth, spread;
     std::vector<Vec3f> color;
     std::vector<Extra> extra;
-    std::vector<DiscGradients> gradients;  // per disc, zero where it did not draw
+    std::vector<DiscGradients> gradients;  // per disc, zero if it did not draw
 };
 
 template <class Device>
@@ -223,7 +223,7 @@ DiscResult blend_discs(const DiscCase& in, bool atomic = false) {
     for (std::size_t i = 0; i < counts.size(); ++i) {
         const bool draws = counts[i] > 0 && drawn[first[i]];
         out.gradients.push_back(draws ? gradients[first[i]] : DiscGradients{});
-        for (float& unused : out.gradients.back().unused) unused = 0;  // it is not defined
+        for (float& unused : out.gradients.back().unused) unused = 0;  // undefined
     }
     return out;
 }

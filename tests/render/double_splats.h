@@ -1,4 +1,4 @@
-// Splats in double, for renderers that are written down again in tests.
+// Splats in double, for reference renderers in tests.
 #pragma once
 
 #include <algorithm>
@@ -11,11 +11,11 @@
 
 namespace tvsgs::test {
 
-/// Parameters, so that differences can be taken.
+/// Parameters in double, for finite differences.
 struct DoubleSplats {
     std::vector<Vec3d> means, log_scales, sh;
     std::vector<Quat<double>> quats;
-    std::vector<double> logits, filters;  // filters: 0 where there are none
+    std::vector<double> logits, filters;  // filters: 0 if there are none
 
     explicit DoubleSplats(const Gaussians<Cpu>& g) {
         for (std::size_t i = 0; i < g.means.size(); ++i) {
@@ -29,7 +29,7 @@ struct DoubleSplats {
     }
 };
 
-/// Counts derivatives of loss() that central differences do not confirm.
+/// Counts derivatives of loss() that central differences contradict.
 template <class Loss>
 class Differences {
 public:
@@ -53,7 +53,7 @@ private:
     double relative_;
 };
 
-/// Splat i of flat ones on a surface: at `at`, the third axis along `normal` there, turned at
+/// Makes splat i a flat one on a surface: at `at`, with the third axis along `normal`, rotated at
 /// random.
 inline void lay_flat(
     Gaussians<Cpu>& g, std::size_t i, Vec3f at, Vec3f normal, Vec3f log_scale, Random& random) {

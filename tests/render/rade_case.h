@@ -1,4 +1,4 @@
-// What the tests of the backbone `rade` share.
+// Helpers of the tests of the backbone `rade`.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ inline BackboneOptions with_depth(SurfaceDepth depth) {
     return options;
 }
 
-/// With filters from nothing to the splats' own size.
+/// With filters from zero to the splats' own size.
 inline Gaussians<Cpu> filtered_gaussians(int count, unsigned seed, double size) {
     Gaussians<Cpu> g = random_gaussians(count, seed, size);
     Random random(seed + 1);

@@ -67,7 +67,7 @@ std::vector<SplatGradients<double>> backward(const std::vector<Splat>& splats,
                         splat_alpha(shape, shape.mean), g[i]);
         complete(g[i], shape);
     }
-    // Walked back to the front, nothing is left to see through.
+    // After the backward pass the transmittance is 1 again.
     EXPECT_TRUE(close(pixel.T, 1, 1e-12));
     return g;
 }
@@ -187,8 +187,8 @@ TEST(LeastExponent, AgainstAFineGrid) {
 }
 
 TEST(MayDraw, NeverCullsAPixelThatDraws) {
-    // In float, as the kernels cull: needles and specks, far from and near to an 8 x 8 square, of
-    // opacities down to the cut-off. Whatever draws anywhere in it must not be culled.
+    // In float, as in the kernels: needles and specks, far from and near to an 8 x 8 square, with
+    // opacities down to the cut-off. The test must not cull a splat that draws in the square.
     test::Random random(16);
     int drawn = 0, culled = 0;
     for (int trial = 0; trial < 200000; ++trial) {
@@ -205,7 +205,7 @@ TEST(MayDraw, NeverCullsAPixelThatDraws) {
         shape.opacity = float(random.uniform(0, 1) < 0.5 ? 1 / (255 * random.uniform(0.5, 1))
                                                          : random.uniform(0.004, 1));
         shape.reach = splat_reach(shape.opacity);
-        // Near the ellipse's rim as seen from the square, often along the needle.
+        // Near the edge of the ellipse as seen from the square, often along the needle.
         const double along = random.uniform(-4, 4) * length, across = random.uniform(-4, 4) * width;
         const int left = int(random.uniform(0, 4000)) / 8 * 8,
                   top = int(random.uniform(0, 4000)) / 8 * 8;

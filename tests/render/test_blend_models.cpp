@@ -1,5 +1,5 @@
-// Tile lists and blending of a model that is not EWA (disc_case.h): against a loop over all pixels
-// and splats in double, and against its derivatives by central differences.
+// Tests tile lists and blending with another model than EWA (disc_case.h): against a loop over all
+// pixels and splats in double, and against central differences.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -19,7 +19,7 @@ using test::DiscGradients;
 using test::DiscResult;
 using test::kExtras;
 
-/// A disc in double, as numbers by which to differentiate, in the order of DiscGradients.
+/// A disc in double as a list of numbers, in the order of DiscGradients.
 struct DiscD {
     Vec2<double> centre;
     double radius, opacity;
@@ -140,7 +140,7 @@ double loss(const DiscCase& in, const std::vector<PixelD>& pixels) {
 using Blend = std::function<DiscResult(const DiscCase&)>;
 
 void expect_images(const Blend& blend) {
-    // Opaque ones in numbers: pixels fill up before their lists end.
+    // Many opaque discs: pixels fill up before their lists end.
     const Discs d = made_up(600, 150, 101, 0.98, 3);
     const DiscResult out = blend(d.in);
     const auto expected = blended_plainly(150, 101, d.exact, d.front_to_back);
@@ -157,13 +157,13 @@ void expect_images(const Blend& blend) {
         differ += difference > 1e-5;  // sums of up to 20, in float
         full += e.T < 1e-3;
     }
-    // In float a pixel may be full one disc sooner or later.
+    // In float a pixel may be full one disc earlier or later.
     EXPECT_LE(differ, 3);
     EXPECT_GT(full, 1000);
 }
 
 void expect_gradients(const Blend& blend) {
-    // Of up to 70 tiles each: warps of the CUDA twin share in their sums.
+    // Up to 70 tiles each, so that warps share the sums of one splat.
     const Discs d = made_up(14, 150, 101, 0.6, 4);
     const DiscResult out = blend(d.in);
     ASSERT_EQ(out.gradients.size(), d.exact.size());

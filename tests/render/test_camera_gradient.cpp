@@ -1,5 +1,5 @@
-// dL/d of a camera: each rasteriser against differences of a brute-force one in double whose camera
-// moves, and the devices against each other.
+// Tests dL/d of a camera: each rasteriser against differences of a brute-force renderer in double,
+// and the devices against each other.
 #include <omp.h>
 
 #include <algorithm>
@@ -27,12 +27,12 @@ Vec3d weight_of(std::size_t p) {
     const double t = static_cast<double>(p);
     return {std::sin(t), std::cos(2 * t), std::sin(3 * t + 1)};
 }
-/// Of the transmittance.
+/// Weights of the transmittance.
 double coverage_weight(std::size_t p) {
     return std::cos(0.7 * static_cast<double>(p));
 }
 
-/// What a camera in double may do that one in float could not, by 1e-6.
+/// A camera in double, for steps of 1e-6 that float could not represent.
 struct MovedCamera {
     Pinhole<double> pinhole;
     Vec3d centre;
@@ -46,7 +46,7 @@ struct MovedCamera {
     }
 };
 
-/// What a splat of any rasteriser is to a pixel.
+/// A splat of any rasteriser at a pixel.
 struct DrawnSplat {
     double depth;
     Vec3d color;
@@ -88,7 +88,7 @@ DrawnSplat surfel_of(const Gaussians<Cpu>& g, std::size_t i, const Pinhole<doubl
             }};
 }
 
-/// Of all splats in front of the camera, each tried at every pixel.
+/// Renders all splats in front of the camera; tries each at every pixel.
 double loss(const std::string& backbone, const Gaussians<Cpu>& g, const MovedCamera& c) {
     const auto n = g.means.size();
     std::vector<Vec3d> sh;
@@ -150,8 +150,8 @@ std::vector<double> gradient_of(const std::string& name,
     return to_host(sum);
 }
 
-/// Splats of all shapes around the origin, a few of them with their means beyond the image's edges,
-/// not so far that the projection's Jacobian is clamped; quaternions of any length.
+/// Splats of all shapes around the origin, some with means beyond the image's edges, but not so far
+/// that the projection's Jacobian is clamped; quaternions of any length.
 Gaussians<Cpu> scene() {
     Gaussians<Cpu> g = random_gaussians(40, 8, 0.12);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
@@ -178,13 +178,13 @@ TEST_P(OfCamera, AgainstDifferencesOfBruteForce) {
             return (loss(GetParam(), g, {camera, k, h}) - loss(GetParam(), g, {camera, k, -h})) /
                    (2 * h);
         };
-        // A splat at its cut-off jumps: with one of the steps no splat is.
+        // A splat at its cut-off jumps; with one of the steps no splat is there.
         const double a = difference(1e-6), b = difference(3e-7), c = difference(1e-7);
         const double middle = std::max(std::min(a, b), std::min(std::max(a, b), c));
         EXPECT_TRUE(close(found[static_cast<std::size_t>(k)], middle, 1e-3, 5))
             << k << ": " << found[static_cast<std::size_t>(k)] << " for " << a << " " << b << " "
             << c;
-        EXPECT_GT(std::abs(middle), 0.1) << k;  // else it says nothing
+        EXPECT_GT(std::abs(middle), 0.1) << k;  // otherwise the test shows nothing
     }
 }
 

@@ -1,5 +1,5 @@
-// Depth along rays, mean and median, through the whole rasteriser: against brute force in double,
-// on surfaces whose depth is known, with inputs that nobody should make, and between devices.
+// Tests depth along rays, mean and median, in the whole rasteriser: against brute force in double,
+// on known surfaces, with extreme inputs, and between devices.
 #include <gtest/gtest.h>
 #include <omp.h>
 
@@ -42,7 +42,7 @@ struct Reference : test::DoubleSplats {
     struct OnRay {
         double alpha, depth, deviation;
     };
-    /// sqrt(1 - g) on the way in, (1 - a) / sqrt(1 - g) on the way out.
+    /// sqrt(1 - g) in front of the centre, (1 - a) / sqrt(1 - g) behind.
     static double light(const std::vector<OnRay>& splats, double t) {
         double T = 1;
         for (const OnRay& s : splats) {
@@ -118,7 +118,7 @@ double of(const ReferencePixel& pixel, SurfaceDepth kind) {
 }
 
 TEST(RayDepth, AgainstBruteForceInDouble) {
-    const Camera camera = test_camera(45, 37);  // no multiple of the tile size
+    const Camera camera = test_camera(45, 37);  // not a multiple of the tile size
     for (const double size : {0.03, 0.15})
         for (const PixelCenter center : {PixelCenter::exact, PixelCenter::official}) {
             const auto g = random_gaussians(400, 7, size);
@@ -137,8 +137,8 @@ TEST(RayDepth, AgainstBruteForceInDouble) {
                     if (r.T > 0.49) continue;
                     ++covered;
                     const double d = static_cast<double>(images.depth[p]);
-                    // In light, of which the median may leave 2e-3 and profiles' ends 1e-3; a splat
-                    // at its 1/255 cut-off may differ as a whole.
+                    // Compared as light: the median may be off by 2e-3, the ends of profiles by
+                    // 1e-3. A splat at its 1/255 cut-off may differ as a whole.
                     off += kind == SurfaceDepth::median
                                ? std::abs(d - r.median) * std::abs(r.slope) > 3e-3 &&
                                      std::abs(d - r.median) > 1e-4
@@ -150,7 +150,7 @@ TEST(RayDepth, AgainstBruteForceInDouble) {
         }
 }
 
-/// Derivatives of all depths with some weight, where they have one.
+/// Derivatives of all depths with weight, where depth is defined.
 ImageGradients<Cpu> weights(const std::vector<char>& with_depth) {
     std::vector<float> depth;
     for (std::size_t p = 0; p < with_depth.size(); ++p)
@@ -172,7 +172,7 @@ TEST_P(RayDepthBackward, AgainstDifferencesOfBruteForce) {
     const auto at = reference.render(camera);
     std::vector<char> with_depth;
     for (std::size_t p = 0; p < at.size(); ++p)
-        // Between two surfaces the median runs away, and profiles' ends show.
+        // Between two surfaces the median moves fast, and ends of profiles matter.
         with_depth.push_back(images.depth[p] > 0 && at[p].T < 0.48 &&
                              (GetParam() != SurfaceDepth::median || at[p].slope < -0.5));
     ASSERT_GT(std::count(with_depth.begin(), with_depth.end(), 1), 150);
@@ -232,7 +232,7 @@ TEST(RayDepth, PlaneOfFlatSplatsHasItsDepth) {
                         if (images.transmittance[p] > 0.49f) continue;
                         ++seen;
                         const float exact = -3 / dot(n, pixel_ray(images.camera, x, y));
-                        // The thickness, and flat splats that are not without one.
+                        // The lower limit of the thickness, and flat splats above it.
                         ASSERT_NEAR(images.depth[p], exact, 1.5e-4f * exact) << x << ", " << y;
                     }
                 EXPECT_GT(seen, 2000);
@@ -241,7 +241,7 @@ TEST(RayDepth, PlaneOfFlatSplatsHasItsDepth) {
 }
 
 TEST(RayDepth, SphereOfSplatsHasItsDepth) {
-    // Radius 1, seen from 4 units: the near side, whatever shines through from behind.
+    // Radius 1, seen from 4 units: the near side, although the far side shines through.
     test::Random random(4);
     Gaussians<Cpu> g = random_gaussians(6000, 3);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
@@ -259,7 +259,7 @@ TEST(RayDepth, SphereOfSplatsHasItsDepth) {
         for (int x = 0; x < 64; ++x) {
             const Vec3d r = vec_cast<double>(pixel_ray(camera, x, y));
             const double rr = dot(r, r), root = 16 - rr * 15;
-            if (root < 0.2) continue;  // the rim, and beside it
+            if (root < 0.2) continue;  // the outline and its neighbourhood
             const double exact = (4 - std::sqrt(root)) / rr;
             const double d =
                 static_cast<double>(images.depth[static_cast<std::size_t>(y * 64 + x)]);
@@ -274,7 +274,7 @@ TEST(RayDepth, SphereOfSplatsHasItsDepth) {
 }
 
 TEST(RayDepth, EdgeOnSplatsStayWithinTheirSize) {
-    // A disc that the camera sees along: what it adds is as deep as it is wide, not a plane.
+    // A disc seen edge on: its extent in depth equals its width, unlike a plane.
     Gaussians<Cpu> g = random_gaussians(1, 5);
     g.means[0] = {0, 0, 4}, g.quats[0] = {1, 0, 0, 0}, g.opacity_logits[0] = 4;
     g.log_scales[0] = {std::log(1e-6f), std::log(0.3f), std::log(0.3f)};
@@ -306,7 +306,7 @@ TEST(RayDepth, OtherMapsAreThePlanes) {
         EXPECT_TRUE(same(images.transmittance, expected.transmittance));
         EXPECT_FALSE(same(images.depth, expected.depth));
 
-        // No derivatives by depth: the same gradients.
+        // Without derivatives by depth the gradients are equal.
         ImageGradients<Cpu> by;
         copy(std::vector<Vec3f>(50 * 40, {1, 2, 3}), by.color);
         copy(std::vector<Vec3f>(50 * 40, {3, 1, 2}), by.normal);
@@ -411,8 +411,8 @@ TEST(RayDepth, BitIdenticalForAnyNumberOfThreads) {
     }
 }
 
-/// Shares of pixels or splats that differ: a pixel whose light is at a half between two surfaces,
-/// or a splat at its cut-off, may take the one or the other. Below `least` is rounding.
+/// Shares of pixels or splats that differ: a pixel that reaches half of its light between two
+/// surfaces, or a splat at its cut-off, may go either way. Below `least` is rounding.
 template <class T>
 void expect_few_differ(const char* name,
                        const std::vector<T>& a,
@@ -429,7 +429,7 @@ void expect_few_differ(const char* name,
     ASSERT_EQ(a.size(), b.size());
     if (sizes.empty()) return;
     std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
-    // One splat's mean depth does not depend on its opacity: what is left of that is rounding.
+    // The mean depth of a single splat does not depend on its opacity; the remainder is rounding.
     const double middle = std::max(static_cast<double>(sizes[sizes.size() / 2]), least);
     std::size_t differ = 0;
     for (std::size_t i = 0; i < a.size() * kNumbers; ++i) {
@@ -462,14 +462,14 @@ TEST(RayDepthTwins, CpuAgainstCuda) {
                            again = run<Cuda>(g, camera, kind, c.maps);
                 std::printf("  n %d, %s\n", c.count,
                             kind == SurfaceDepth::median ? "median" : "expected");
-                // Next to a half of the light the median of one twin may be undefined.
+                // Close to half of the light the median of one device may be undefined.
                 expect_few_differ("depth", cpu.depth, cuda.depth, 1e-3, 5e-3);
                 expect_few_differ("means", cpu.means, cuda.means, 1e-2, 2e-2);
                 expect_few_differ("scales", cpu.log_scales, cuda.log_scales, 1e-2, 2e-2);
                 expect_few_differ("quats", cpu.quats, cuda.quats, 1e-2, 2e-2);
                 expect_few_differ("logits", cpu.logits, cuda.logits, 1e-2, 2e-2);
                 expect_few_differ("screen", cpu.screen, cuda.screen, 1e-2, 2e-2,
-                                  // Nor does it on the splat's place in the image.
+                                  // nor on the splat's place in the image
                                   c.count == 1 ? 0.1 : 1e-4);
                 EXPECT_TRUE(same_bits(cuda.depth, again.depth)) << "not reproducible";
                 EXPECT_TRUE(same_bits(cuda.means, again.means)) << "not reproducible";

@@ -1,5 +1,5 @@
-// Splats along rays, and the depth at which half of a ray's light is gone: derivatives, limits and
-// numbers that single precision has to hold, formula by formula.
+// Tests profiles of splats along rays and the median depth of a ray: derivatives, limits and the
+// range of single precision, formula by formula.
 #include <functional>
 #include <vector>
 
@@ -77,7 +77,7 @@ TEST(RayProfile, IsTheDefinition) {
 }
 
 TEST(RayProfile, SinglePrecisionHoldsThinAndWideSplats) {
-    // A flat splat's plane, met at an angle; scales from below what depth tells apart to beyond it.
+    // The plane of a flat splat, met at an angle; scales below and above the lower limit.
     test::Random random(3);
     for (int i = 0; i < 200; ++i) {
         SplatCase<double> c = some_splat(static_cast<unsigned>(i) + 500);
@@ -117,7 +117,7 @@ Vec2<double> pixel_of(const SplatCase<double>& c, Vec2<double> ray, double shift
             camera.fy * (ray.y - c.p.y / c.p.z) - shift};
 }
 
-/// A sum of depth and 1/s^2 on some rays, and what it takes of them.
+/// A sum of depth and 1/s^2 on several rays, and its derivatives.
 struct Rays {
     std::vector<Vec2<double>> rays;
     std::vector<double> by_depth, by_square;
@@ -133,7 +133,7 @@ struct Rays {
     }
 };
 
-/// `square`: how much 1/s^2 counts.
+/// `square`: weight of 1/s^2.
 void check_derivatives(const SplatCase<double>& at, double square, double step) {
     const auto camera = pinhole_case<double>();
     const Rays rays{{{at.p.x / at.p.z + 0.02, at.p.y / at.p.z - 0.01},
@@ -187,7 +187,7 @@ struct OnRay {
     double alpha, depth, deviation;
 };
 
-/// sqrt(1 - g) on the way in, (1 - a) / sqrt(1 - g) on the way out, without an end.
+/// sqrt(1 - g) in front of the centre, (1 - a) / sqrt(1 - g) behind, without a cut-off.
 double light(const std::vector<OnRay>& splats, double t) {
     double T = 1;
     for (const OnRay& s : splats) {
@@ -208,7 +208,7 @@ double median_by_bisection(const std::vector<OnRay>& splats) {
     return 0.5 * (low + high);
 }
 
-/// Of the splats in their order, those with a part.
+/// The splats that count, in order.
 std::vector<OnRay> with_part(const std::vector<OnRay>& splats) {
     double T = 1;
     std::size_t count = 0;
@@ -217,7 +217,7 @@ std::vector<OnRay> with_part(const std::vector<OnRay>& splats) {
     return {splats.begin(), splats.begin() + std::ptrdiff_t(count)};
 }
 
-/// As the passes over a list do it.
+/// As the passes over a list do.
 template <class Real>
 Real median_by_search(const std::vector<OnRay>& all, int* turns = nullptr) {
     const std::vector<OnRay> splats = with_part(all);
@@ -250,7 +250,7 @@ TEST(Median, PassedLightIsTheDefinition) {
         }
     EXPECT_EQ(passed_square(0.7, -4.01), 1);
     EXPECT_NEAR(passed_square(0.7, 4.01), 0.09, 1e-15);
-    // What the cut-off leaves out.
+    // The effect of the cut-off.
     EXPECT_LT(1 - passed_square(0.99, -3.9999), 4e-4);
 }
 
@@ -277,7 +277,7 @@ TEST(Median, DerivativesOfPassedLight) {
                 1e-6, 1e-5));
             EXPECT_LT(by.by_depth, 0) << "light only ever falls";
         }
-    // Beyond the end nothing changes but what has been taken.
+    // Beyond the cut-off only the absorbed light remains.
     const auto beyond = passed_vjp(0.6, 5.0, 0.3, 1 / 0.3),
                front = passed_vjp(0.6, -5.0, 0.3, 1 / 0.3);
     EXPECT_NEAR(beyond.by_alpha, -1 / 0.4, 1e-12);
@@ -286,19 +286,19 @@ TEST(Median, DerivativesOfPassedLight) {
 }
 
 TEST(Median, KnownCases) {
-    // One opaque splat: its centre, as it gets thin.
+    // One opaque splat: the median approaches its centre as the splat gets thin.
     for (const double s : {1e-2, 1e-3, 1e-4})
         EXPECT_NEAR(median_by_search<double>({{0.99, 3, s}}), 3, 1.7 * s);
     EXPECT_LT(median_by_search<double>({{0.99, 3, 1e-3}}), 3) << "half is gone before the centre";
     // Half of the light gets through: no surface.
     EXPECT_EQ(median_by_search<double>({{0.4, 3, 0.01}}), 0);
     EXPECT_EQ(median_by_search<double>({{0.3, 3, 0.01}, {0.2, 4, 0.01}}), 0);
-    // Two opaque planes: the front one, whichever comes first.
+    // Two opaque planes: the front one, in either order.
     const OnRay front{0.9, 2, 1e-3}, back{0.9, 3, 1e-3};
     EXPECT_NEAR(median_by_search<double>({front, back}), 2, 2e-3);
     EXPECT_NEAR(median_by_search<double>({front, back}), median_by_search<double>({back, front}),
                 1e-7);
-    // Front 0.4, back 0.9: the back one, a little in front of it.
+    // Front 0.4, back 0.9: the back one, slightly in front of it.
     for (const double s : {1e-2, 1e-3}) {
         const double t = median_by_search<double>({{0.4, 2, s}, {0.9, 3, s}});
         EXPECT_LT(t, 3);
@@ -311,7 +311,7 @@ std::vector<OnRay> some_ray(unsigned seed, double thinnest) {
     std::vector<OnRay> splats;
     const int count = static_cast<int>(random.uniform(2, 25));
     for (int i = 0; i < count; ++i) {
-        // A surface between floaters, in an order that is only about right.
+        // A surface between floaters, in an approximate order.
         const bool floats = random.uniform(0, 1) < 0.3;
         splats.push_back({random.uniform(0.01, floats ? 0.2 : 0.9),
                           floats ? random.uniform(0.5, 8) : 4 + 0.03 * random.normal(),
@@ -328,15 +328,15 @@ TEST(Median, SearchFindsWhatBisectionFinds) {
         int turns = 0;
         const double found = median_by_search<double>(splats, &turns);
         const double single = static_cast<double>(median_by_search<float>(splats));
-        // Next to a half of all light left the cut-off of profiles decides.
+        // Close to half of all remaining light the cut-off of profiles decides.
         const double rest = light(splats, 1e3);
         if (rest > 0.499 && rest < 0.501) continue;
         ASSERT_EQ(found > 0, exact > 0) << seed;
         ASSERT_EQ(single > 0, exact > 0) << seed;
         if (exact == 0) continue;
         ++defined, most = std::max(most, turns);
-        // In units of what changes the light: how far T at the found place is from a half. The
-        // cut-off of some wide profiles is in it.
+        // The error as light: deviation of T at the found depth from one half. It includes the
+        // cut-off of some wide profiles.
         EXPECT_NEAR(light(splats, found), 0.5, 1e-3) << seed;
         EXPECT_NEAR(light(splats, single), 0.5, 2e-3) << seed;
     }
@@ -357,7 +357,7 @@ TEST(Median, VjpAgainstDifferencesOfBisection) {
         const double by_light = median_vjp(t, slope, 1.3);
         double all = 0;
         for (OnRay& s : splats) {
-            if (std::abs(std::abs(t - s.depth) / s.deviation - 4) < 0.3) continue;  // its end
+            if (std::abs(std::abs(t - s.depth) / s.deviation - 4) < 0.3) continue;  // cut-off
             const auto by =
                 passed_vjp(s.alpha, (t - s.depth) / s.deviation, s.deviation, 1 / s.deviation);
             all -= by_light * by.by_depth;
@@ -373,7 +373,7 @@ TEST(Median, VjpAgainstDifferencesOfBisection) {
                     1e-4);
                 return d;
             };
-            // 3e-4 of a profile are beyond its end.
+            // 3e-4 of a profile lies beyond its cut-off.
             const double tolerance = 3e-3;
             EXPECT_TRUE(close(by_light * by.by_alpha, difference(s.alpha), tolerance, 1));
             EXPECT_TRUE(close(-by_light * by.by_depth, difference(s.depth), tolerance, 1));

@@ -1,5 +1,5 @@
-// Records of the splats in view alone: which place each has, that those out of view change no bit,
-// and that they take next to no memory.
+// Tests the compact records of splats in view: the place of each, that splats out of view change no
+// bit, and that they need almost no memory.
 #include <algorithm>
 #include <cstring>
 
@@ -13,7 +13,7 @@ namespace {
 using test::random_gaussians;
 using test::test_camera;
 
-/// Every `nth` splat is in view; its records hold its index.
+/// Every `nth` splat is in view. Its records hold its index.
 struct EveryNth {
     int nth;
     Span<int> shapes, features;
@@ -77,7 +77,7 @@ TEST(PlacesTwin, AreCountedAlike) {
     }
 }
 
-/// What comes of a view: all numbers of its images, and those of some splats.
+/// Result of a view: all numbers of its images, and those of some splats.
 struct Outcome {
     std::vector<std::vector<char>> images, of_splats;
 
@@ -133,7 +133,7 @@ Outcome view_of(Backbone<Device>& backbone,
     return out;
 }
 
-/// Splats of `g` between others that no camera of these tests sees: two behind it before each one.
+/// The splats of `g` with two splats behind the camera before each one.
 Gaussians<Cpu> among_unseen(const Gaussians<Cpu>& g, std::vector<std::size_t>& kept) {
     const std::size_t n = g.means.size();
     Gaussians<Cpu> all;
@@ -192,7 +192,7 @@ TEST(Places, WhatIsOutOfViewChangesNoBit) {
     expect_the_unseen_change_nothing<Cpu>();
 }
 
-/// From a view of few splats to ones of more, for which there is no room at first, and back.
+/// From a view of few splats to views of more, which do not fit at first, and back.
 template <class Device>
 void expect_views_as_if_alone() {
     const Gaussians<Cpu> host = random_gaussians(600, 6, 0.1);

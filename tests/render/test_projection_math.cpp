@@ -9,7 +9,7 @@ namespace {
 using test::central_difference;
 using test::close;
 
-// Richardson differences in double leave about 1e-10 of relative rounding and truncation error
+// Richardson differences in double have relative rounding and truncation errors of about 1e-10
 // here.
 constexpr double kTolerance = 1e-7;
 
@@ -29,7 +29,7 @@ TEST(Rotation, ZeroQuaternionHasNoGradient) {
     EXPECT_EQ(g.x, 0);
 }
 
-/// What a splat is to a camera: its centre in the camera frame, its quaternion and its log scales.
+/// A splat relative to a camera: its centre in the camera frame, its quaternion and its log scales.
 struct Placed {
     Vec3d p;
     Quat<double> quat;
@@ -77,8 +77,8 @@ PlacedGradients projection_gradients(const Pinhole<double>& camera, const Placed
 TEST(Projection, Vjp) {
     const auto camera = pinhole<double>(test_camera());
     test::Random random(2);
-    // The last three are outside of the clamp range along x, y and both, where the derivative along
-    // z is not exact.
+    // The last three lie outside the clamp range along x, y and both, where the derivative along z
+    // is not exact.
     for (Vec3d p : {Vec3d{0.2, -0.3, 2}, {-0.5, 0.1, 1.5}, {4, 0.1, 2}, {0.1, -5, 2}, {-6, 6, 3}}) {
         Placed splat{p, random.quat(), {-2.3, -1.6, -3}};
         const auto g = projection_gradients(camera, splat);

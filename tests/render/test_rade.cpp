@@ -1,5 +1,5 @@
-// The backbone `rade` as a whole: against a brute-force one in double, on planes whose depth is
-// known, and at its limits.
+// Tests the backbone `rade` as a whole: against brute force in double, on planes of known depth,
+// and at its limits.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ struct Pixel {
 struct Reference : test::DoubleSplats {
     using DoubleSplats::DoubleSplats;
 
-    /// Every splat is tried at every pixel. Distances are of pixels, not yet depths.
+    /// Tries every splat at every pixel. Returns distances, not yet depths.
     std::vector<Pixel> render(const Camera& c) const {
         const auto camera = pinhole<double>(c);
         const std::size_t n = means.size();
@@ -96,7 +96,7 @@ double ray_length(const Camera& camera, std::size_t at) {
 TEST(Rade, AgainstBruteForceInDouble) {
     for (const double size : {0.03, 0.2}) {
         const auto g = filtered_gaussians(300, 7, size);
-        const Camera camera = test_camera(45, 37);  // no multiple of the tile size
+        const Camera camera = test_camera(45, 37);  // not a multiple of the tile size
         const auto reference = Reference(g).render(camera);
         for (const SurfaceDepth depth : {SurfaceDepth::expected, SurfaceDepth::median}) {
             const bool median = depth == SurfaceDepth::median;
@@ -129,7 +129,7 @@ TEST(Rade, AgainstBruteForceInDouble) {
     }
 }
 
-/// What is not asked for is not made, and what is does not depend on it.
+/// Maps that were not requested are not made, and do not change the requested ones.
 TEST(Rade, ColoursAloneAreTheSameColours) {
     const auto g = filtered_gaussians(200, 3, 0.1);
     const Camera camera = test_camera(40, 30);
@@ -203,7 +203,8 @@ TEST_P(RadeBackward, AgainstDifferencesOfBruteForce) {
         differences.check(dL.quats[i].y, reference.quats[i].y, 1);
         differences.check(dL.opacity_logits[i], reference.logits[i], 1);
     }
-    // A cut-off crossed within 2h jumps the difference, and so does a median that changes hands.
+    // A cut-off crossed within 2h makes the difference jump, and so does a median that moves to
+    // another splat.
     EXPECT_LE(differences.outliers, differences.checked / (median ? 8 : 25))
         << differences.outliers << " of " << differences.checked;
 }
@@ -212,8 +213,8 @@ INSTANTIATE_TEST_SUITE_P(Depths,
                          RadeBackward,
                          testing::Values(SurfaceDepth::expected, SurfaceDepth::median));
 
-/// Splats of a size, flat and turned at random, in a plane that the axis meets 3 units away.
-/// Returns the root mean squares of the errors of depth over depth, and the normal's largest.
+/// Splats of a size, flat and rotated at random, in a plane that meets the axis at 3 units. Returns
+/// the RMS of both depths' relative errors, and the largest error of the normals (1 - cosine).
 struct PlaneErrors {
     double expected = 0, median = 0, normal = 0;
     int seen = 0;
@@ -249,20 +250,20 @@ PlaneErrors errors_on_plane(float size) {
     return errors;
 }
 
-/// The first order about each centre: an error that falls with the square of size over depth.
+/// First-order accurate about each centre: the error falls with the square of size / depth.
 TEST(Rade, ErrorsOnAPlaneFallWithTheSquareOfTheSize) {
     const PlaneErrors coarse = errors_on_plane(0.2f), fine = errors_on_plane(0.05f);
     EXPECT_GT(coarse.seen, 500);
     EXPECT_GT(fine.seen, 500);
     EXPECT_LT(coarse.expected, 1e-2);
     EXPECT_GT(coarse.median, 1e-4) << "not the exact plane";
-    // Sixteen times, less what pixels happen to see.
+    // Sixteen times, apart from the positions of the pixels.
     EXPECT_LT(fine.expected, coarse.expected / 8);
     EXPECT_LT(fine.median, coarse.median / 8);
     EXPECT_LT(fine.normal, 1e-4);
 }
 
-/// Two layers before the camera: the median is the back one, the mean between.
+/// Two layers in front of the camera: the median is the back one, the mean lies between.
 TEST(Rade, MedianAndMeanOfTwoLayers) {
     Gaussians<Cpu> g = random_gaussians(2, 1, 1.0, 0);
     Camera camera = test_camera(17, 17);
@@ -301,7 +302,7 @@ TEST(Rade, NothingDrawnHasNoDepthAndNoNormal) {
     EXPECT_TRUE(is_finite(dL.means[0]) && is_finite(dL.log_scales[0]));
 }
 
-/// Round ones of 0.031 and 0.032 px, without a filter: their determinants are about 1e-6 px^4.
+/// Round splats of 0.031 and 0.032 px without a filter: their determinants are about 1e-6 px^4.
 TEST(Rade, SplatsFinerThanAThousandthOfAPixelSquaredVanish) {
     Gaussians<Cpu> g = random_gaussians(1, 1, 0.01, 0);
     Camera camera = test_camera(17, 17);

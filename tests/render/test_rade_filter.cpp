@@ -1,4 +1,4 @@
-// The smoothing filter of the backbone `rade`: what it is, when it changes, and what it does.
+// Tests the smoothing filter of the backbone `rade`: its value, its updates and its effect.
 #include <gtest/gtest.h>
 
 #include "core/math/smoothing_filter.h"
@@ -11,7 +11,7 @@ using test::filtered_gaussians;
 using test::random_gaussians;
 using test::test_camera;
 
-/// A splat that the views see from 3 and 6 units, one that none sees, and one between.
+/// A splat that the views see from 3 and 6 units, one that no view sees, and one between.
 TEST(RadeFilter, GoesByTheNearestViewAndTheLongestLens) {
     Camera near = test_camera(40, 30, 0), far = near;
     near.camera_from_world.t = {0, 0, 3}, far.camera_from_world.t = {0, 0, 6};
@@ -19,7 +19,7 @@ TEST(RadeFilter, GoesByTheNearestViewAndTheLongestLens) {
     Gaussians<Cpu> g = random_gaussians(3, 1);
     g.means[0] = {0, 0, 0};
     g.means[1] = {0, 0, -100};
-    g.means[2] = {0, 0, -4};  // behind the near one
+    g.means[2] = {0, 0, -4};  // behind the nearer camera
     const auto backbone = make_backbone<Cpu>("rade", {});
     backbone->prepare(0, true, {far, near}, g);
     ASSERT_EQ(g.filter.size(), 3u);
@@ -49,7 +49,7 @@ TEST(RadeFilter, IsUpdatedWhenItIsDue) {
     EXPECT_EQ(updates.back(), 29800);
 }
 
-/// The same splats with the filter in their scales and opacities.
+/// The same splats with the filter applied to their scales and opacities.
 TEST(RadeFilter, DrawsWhatTheSmoothedSplatsDraw) {
     const auto g = filtered_gaussians(100, 4, 0.05);
     Gaussians<Cpu> baked;

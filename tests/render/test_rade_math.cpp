@@ -1,4 +1,4 @@
-// Planes of Gaussians in double: against what they are defined by, and all derivatives against
+// Tests planes of Gaussians in double: against their definition, and all derivatives against
 // central differences.
 #include <gtest/gtest.h>
 
@@ -58,7 +58,7 @@ Vec3d solve(const Mat3<double>& A, Vec3d b) {
     return {dot(b, cross(y, z)) / det, dot(x, cross(b, z)) / det, dot(x, cross(y, b)) / det};
 }
 
-/// Pixel and distance of a point, linearised at p: rows are gradients.
+/// Pixel and distance of a point, linearised at p; rows are gradients.
 Mat3<double> ray_space_jacobian(const Pinhole<double>& camera, Vec3d p) {
     const auto at = [&](Vec3d x) {
         const Vec2<double> c = project_point(camera, x);
@@ -74,8 +74,8 @@ Mat3<double> ray_space_jacobian(const Pinhole<double>& camera, Vec3d p) {
     return J;
 }
 
-/// The linearised Gaussian has its peak along the ray of a pixel where a Gaussian of three
-/// variables has its mean, given two of them.
+/// The peak of the linearised Gaussian along the ray of a pixel is the mean of a Gaussian of three
+/// variables, given two of them.
 TEST(RadeMath, ThePlaneIsWhereTheDensityPeaksAlongRays) {
     test::Random random(1);
     const auto camera = test_pinhole();
@@ -91,7 +91,7 @@ TEST(RadeMath, ThePlaneIsWhereTheDensityPeaksAlongRays) {
                                      -(S[2][1] * S[0][0] - S[2][0] * S[0][1]) / det};
             EXPECT_TRUE(close(plane.slope.x, slope.x, 1e-5, 1e-5));
             EXPECT_TRUE(close(plane.slope.y, slope.y, 1e-5, 1e-5));
-            // Two directions in it, and the side of the camera.
+            // Two directions in the plane, and the side of the camera.
             EXPECT_NEAR(norm(plane.normal), 1, 1e-12);
             EXPECT_LT(dot(plane.normal, s.p), 0);
             for (const Vec3d along : {Vec3d{1, 0, -slope.x}, Vec3d{0, 1, -slope.y}})
@@ -128,7 +128,7 @@ TEST(RadeMath, RoundSplatsFaceTheCameraAndDoNotSlope) {
     }
 }
 
-/// In the limit it is the disc's own plane, and nothing of it depends on how thin the disc is.
+/// The limit is the plane of the disc and does not depend on its thickness.
 TEST(RadeMath, FlatSplatsHaveTheirOwnPlane) {
     test::Random random(4);
     const auto camera = test_pinhole();
@@ -138,7 +138,7 @@ TEST(RadeMath, FlatSplatsHaveTheirOwnPlane) {
         if (std::abs(dot(n, normalize(s.p))) < 0.1) continue;
         const auto plane = rade_plane(camera, s.axes, s.p);
         EXPECT_NEAR(std::abs(dot(plane.normal, n)), 1, 1e-10);
-        // Rays next to the centre's meet it at that distance.
+        // Neighbouring rays meet it at that distance.
         const Vec2<double> c = project_point(camera, s.p);
         const double d = 1e-3;
         const Vec3d ray{(c.x - d - camera.cx) / camera.fx, (c.y - camera.cy) / camera.fy, 1};
@@ -147,7 +147,7 @@ TEST(RadeMath, FlatSplatsHaveTheirOwnPlane) {
     }
 }
 
-/// Derivatives in all directions at once, along which every parameter moves.
+/// Derivatives in a direction in which every parameter moves.
 void expect_derivatives(test::Random& random, const Splat& s, double tolerance) {
     const auto camera = test_pinhole();
     const RadePlane<double> by{
@@ -172,7 +172,7 @@ void expect_derivatives(test::Random& random, const Splat& s, double tolerance) 
             return value(moved);
         };
         EXPECT_TRUE(close(g.dL_dlog_scales[k], central_difference(scale, h), tolerance, 1e-2)) << k;
-        // Axes need not stay a rotation: the formula is of any three vectors.
+        // Axes need not stay a rotation: the formula holds for any three vectors.
         for (int r = 0; r < 3; ++r) {
             const auto axis = [&](double t) {
                 Splat moved = s;
@@ -205,7 +205,7 @@ TEST(RadeMath, DerivativesWhereTheCentreIsClamped) {
     }
 }
 
-/// Edge on beyond all digits there is no plane: no normal, no slope, no derivative but the
+/// Edge on beyond all digits there is no plane: no normal, no slope, and no derivative except the
 /// distance's.
 TEST(RadeMath, EdgeOnAndBrokenSplatsHaveNoPlane) {
     const auto camera = test_pinhole();
@@ -231,7 +231,7 @@ TEST(SmoothingFilter, IsARootOfAFifthOfAPixel) {
     EXPECT_NEAR(f * camera.fx / z, 0.4472, 1e-4) << "px";
 }
 
-/// 15 % of the image's size around it, in front of the near plane.
+/// Within 15 % of the image's size around the image, in front of the near plane.
 TEST(SmoothingFilter, CountsViewsThatHaveTheSplat) {
     const auto camera = test_pinhole();
     const auto depth = [&](double x_px, double y_px, double z) {
@@ -286,8 +286,8 @@ TEST(SmoothingFilter, Derivatives) {
     }
 }
 
-/// A front splat of alpha 0.4 before one of 0.9: the back one is the last that is reached with more
-/// than half of the light.
+/// A front splat with alpha 0.4 and a back splat with 0.9: the back one is the last that more than
+/// half of the light reaches.
 TEST(RadeMath, TwoPlanesHaveTheMedianOfTheBackOneAndAMeanBetween) {
     RadePixel<double> pixel;
     const SplatFeatures<double> front{{}, {0, 0, -1}, 2}, back{{}, {0, 0, -1}, 5};
@@ -302,8 +302,8 @@ TEST(RadeMath, TwoPlanesHaveTheMedianOfTheBackOneAndAMeanBetween) {
     EXPECT_NEAR(pixel.median, 5.1, 1e-12) << "less than half of the light gets there";
 }
 
-/// Splats at one pixel, and what is taken of their blend: colours, normals, the mean of distances
-/// and the median one.
+/// Splats at one pixel, and a weighted sum of their blended values: colours, normals, mean and
+/// median distance.
 struct PixelCase {
     struct Layer {
         Vec2<double> mean, slope;
@@ -329,7 +329,7 @@ struct PixelCase {
     static SplatAlpha<double> alpha(const Layer& l) {
         return splat_alpha(SplatShape<double>{l.mean, l.root, l.opacity, 10}, l.mean);
     }
-    /// One for each layer, completed as the backbone does.
+    /// One for each layer, completed as in the backbone.
     std::vector<RadeGradients<double>> gradients() const {
         const RadePixel<double> p = blended();
         RadePixelBackward<double> back{p.T, {by, p.sum.distance / (1 - p.T), by_median}};
@@ -363,7 +363,7 @@ TEST(RadeMath, DerivativesOfABlendedPixel) {
                  random.uniform(0.2, 0.9),
                  {random.normal3(), random.normal3(), random.uniform(1, 3)}});
         const auto g = c.gradients();
-        // A median that changes hands within the step would be none.
+        // A median that moves to another splat within the step has no derivative.
         double T = 1;
         bool near_half = false;
         for (const auto& l : c.layers)

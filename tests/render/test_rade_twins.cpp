@@ -1,4 +1,4 @@
-// The backbone `rade` on a GPU, every map, against the CPU.
+// Tests the backbone `rade` on a GPU against the CPU, for every map.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -25,7 +25,7 @@ void expect_same(const std::vector<T>& a, const std::vector<T>& b, double bound,
     EXPECT_LT(std::sqrt(off / total), bound) << what;
 }
 
-/// All but one splat in two hundred have the same gradient to a thousandth of the middle size.
+/// Allows one splat in two hundred to differ by more than a thousandth of the median size.
 template <class T>
 void expect_few_differ(const std::vector<T>& a, const std::vector<T>& b, const char* what) {
     constexpr std::size_t kFloats = sizeof(T) / sizeof(float);
@@ -63,7 +63,7 @@ TEST(RadeTwins, CpuAgainstCuda) {
         make_backbone<Cuda>("rade", {})
             ->prepare(0, true, {camera, test_camera(80, 70, -0.2f)}, there);
         expect_same(to_host(g.filter), to_host(there.filter), 1e-6, "filter");
-        for (std::size_t i = 0; i < g.means.size(); ++i) g.filter[i] *= 4;  // to matter
+        for (std::size_t i = 0; i < g.means.size(); ++i) g.filter[i] *= 4;  // a visible effect
         copy(g, there);
         const ImageGradients<Cpu> by = test::weights_of_maps(90 * 70);
         ImageGradients<Cuda> by_there;
@@ -90,8 +90,8 @@ TEST(RadeTwins, CpuAgainstCuda) {
                 cpu->backward(g, by, dL);
                 cuda->backward(there, by_there, dL_there);
                 copy(dL_there, dL_host);
-                // A splat at its cut-off, or a median that changes hands, takes a pixel's gradient
-                // along: that is why the sums may differ, and few splats only.
+                // A splat at its cut-off, or a median that moves to another splat, changes a
+                // pixel's gradient. So the sums may differ, but only of few splats.
                 expect_few_differ(to_host(dL.means), to_host(dL_host.means), "means");
                 expect_few_differ(to_host(dL.log_scales), to_host(dL_host.log_scales), "scales");
                 expect_few_differ(to_host(dL.quats), to_host(dL_host.quats), "quats");

@@ -1,4 +1,4 @@
-// The whole rasteriser: against a brute-force one in double, on scenes with known answers, and
+// Tests the whole EWA rasteriser: against brute force in double, on scenes with known results, and
 // between devices.
 #include <omp.h>
 
@@ -19,7 +19,7 @@ using test::close;
 using test::random_gaussians;
 using test::test_camera;
 
-/// Parameters in double, so that differences can be taken.
+/// Parameters in double, for finite differences.
 struct Reference {
     std::vector<Vec3d> means, log_scales, sh;
     std::vector<Quat<double>> quats;
@@ -35,8 +35,8 @@ struct Reference {
         for (std::size_t k = 0; k < g.sh.size(); ++k) sh.push_back(vec_cast<double>(g.sh[k]));
     }
 
-    /// Channel sums of every pixel; every splat is tried at every pixel. drew(): called for each
-    /// that is blended.
+    /// Channel sums of every pixel. Tries every splat at every pixel; calls drew() for each blended
+    /// splat.
     std::vector<PixelForward<double>> render(
         const Camera& c, const std::function<void()>& drew = [] {}) const {
         const auto camera = pinhole<double>(c);
@@ -96,7 +96,7 @@ double depth_of(const PixelForward<double>& pixel, const Camera& c, std::size_t 
     return plane_depth(pixel.sum.normal, pixel.sum.distance, ray, 1 - pixel.T);
 }
 
-/// `with_depth`: the pixels where the maps have depth, which a splat's move must not change.
+/// `with_depth`: the pixels where depth is defined, which must not change when a splat moves.
 double loss(const std::vector<PixelForward<double>>& pixels,
             const Camera& camera,
             const std::vector<char>& with_depth) {
@@ -126,13 +126,12 @@ ImageGradients<Device> weight_images(int pixels) {
 
 TEST(Render, AgainstBruteForceInDouble) {
     const auto g = random_gaussians(300, 7, 0.08);
-    const Camera camera = test_camera(45, 37);  // no multiple of the tile size
+    const Camera camera = test_camera(45, 37);  // not a multiple of the tile size
     auto backbone = make_backbone<Cpu>("ewa", {});
     const auto& images = backbone->forward(g, camera, 3, Maps::color | kGeometryMaps);
     const auto reference = Reference(g).render(camera);
     for (std::size_t p = 0; p < reference.size(); ++p) {
-        // Float against double; a splat at its 1/255 cut-off may differ as a whole, which is what
-        // 0.004 allows.
+        // Float against double; 0.004 allows a splat at its 1/255 cut-off to differ as a whole.
         EXPECT_NEAR(images.transmittance[p], reference[p].T, 4e-3 * 1.01);
         for (int c = 0; c < 3; ++c)
             EXPECT_NEAR(images.color[p][c], reference[p].sum.color[c], 1e-4);
@@ -169,9 +168,9 @@ TEST(Render, BackwardAgainstDifferencesOfBruteForce) {
     backbone->backward(g, weights, dL);
 
     Reference reference(g);
-    // Splats come and go at the 1/255 cut-off as a parameter moves, so a difference is only smooth
-    // for small steps: h = 1e-5, error ~1e-6 of the loss's size; the analytic side is float. 1e-3
-    // relative to the largest entry of the class is the specified bound.
+    // Splats appear and disappear at the 1/255 cut-off as a parameter moves, so differences are
+    // smooth only for small steps: h = 1e-5, error ~1e-6 of the loss. The analytic side is float.
+    // The specified bound is 1e-3 relative to the largest entry of the class.
     const auto derivative = [&](double& parameter) {
         const double kept = parameter, h = 1e-5;
         parameter = kept + h;
@@ -196,7 +195,7 @@ TEST(Render, BackwardAgainstDifferencesOfBruteForce) {
         check(dL.quats[i].y, reference.quats[i].y, 1);
         check(dL.opacity_logits[i], reference.logits[i], 1);
     }
-    // A cut-off crossed within 2h jumps the difference quotient; at most a few of the entries may
+    // A cut-off crossed within 2h makes the difference quotient jump; only a few of the entries may
     // meet one.
     EXPECT_LE(outliers, checked / 20) << outliers << " of " << checked;
 }
@@ -237,7 +236,8 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
         }
     EXPECT_GT(covered, 2000);
 
-    // Official rays pass half a pixel up and left of the centres: the same plane, another depth.
+    // Official rays pass half a pixel up and left of the centres: the same plane, but another
+    // depth.
     BackboneOptions options;
     options.pixel_center = PixelCenter::official;
     auto official = make_backbone<Cpu>("ewa", options);
@@ -250,7 +250,7 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
         const float exact = delta / -dot(n, ray);
         EXPECT_NEAR(shifted.depth[p], exact, 3e-5f * exact);
         EXPECT_GT(std::abs(shifted.depth[p] - images.depth[p]), 1e-4f * exact);
-        EXPECT_EQ(shifted.normal[p].x, images.normal[p].x);  // blending does not know of it
+        EXPECT_EQ(shifted.normal[p].x, images.normal[p].x);  // blending does not depend on it
     }
 }
 
@@ -268,7 +268,7 @@ TEST(Render, OneOpaqueSplat) {
     const auto& images = backbone->forward(g, camera, 3, Maps::color);
     EXPECT_NEAR(images.color[16 * 33 + 16].x, 0.99f, 1e-6f);
     EXPECT_NEAR(images.transmittance[16 * 33 + 16], 0.01f, 1e-6f);
-    // front_pixels counts the pixels it is blended in.
+    // front_pixels counts the pixels in which it is blended.
     Gaussians<Cpu> dL;
     resize(dL, 1, 3);
     fill_zero(dL);
@@ -378,8 +378,8 @@ void twin(int count, Maps maps, double size, int width, int height) {
     const Camera camera = test_camera(width, height);
     const auto cpu = run<Cpu>(g, camera, maps);
     const auto cuda = run<Device>(g, camera, maps), again = run<Device>(g, camera, maps);
-    // exp differs by an ulp between the devices, and a splat at its cut-off may be drawn on one
-    // only: 1e-4 of the whole.
+    // exp differs by an ulp between the devices, so a splat at its cut-off may be drawn on one
+    // device only: 1e-4 of the whole.
     const double images = 1e-4, gradients = 2e-3;
     const auto check = [&](const char* name, double difference, double bound) {
         std::printf("  n %-6d %-12s relative L2 %.2e\n", count, name, difference);
@@ -441,7 +441,7 @@ TEST(BlendWork, AgainstEverySplatAtEveryPixel) {
     std::int64_t contributions = 0;
     Reference(g).render(camera, [&] { ++contributions; });
     const BlendWork w = work_of<Cpu>(g, camera);
-    // Some of 50,000 alphas next to 1/255 are on either side of it in float and in double.
+    // Some of 50,000 alphas close to 1/255 lie on different sides in float and in double.
     EXPECT_GT(contributions, 10000);
     EXPECT_NEAR(static_cast<double>(w.contributions), static_cast<double>(contributions), 5);
     EXPECT_LE(w.contributions, w.evaluations);

@@ -1,5 +1,5 @@
-// The backbone of surfels as a whole: against a brute-force one in double, on a plane whose depth
-// is known, in training, and between devices.
+// Tests the backbone `surfel` as a whole: against brute force in double, on a plane of known depth,
+// in training, and between devices.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ BackboneOptions with_depth(SurfaceDepth depth) {
 struct Reference : test::DoubleSplats {
     using DoubleSplats::DoubleSplats;
 
-    /// Every surfel is tried at every pixel.
+    /// Tries every surfel at every pixel.
     std::vector<SurfelPixel<double>> render(const Camera& c) const {
         const auto camera = pinhole<double>(c);
         const std::size_t n = means.size();
@@ -68,8 +68,8 @@ struct Reference : test::DoubleSplats {
     }
 };
 
-/// Surfels well above a pixel's size and seen from in front: where one is drawn as a dot, its depth
-/// counts as a constant of its place, which differences do not.
+/// Surfels well above a pixel's size and seen from the front: for a surfel drawn as a dot, the
+/// derivative treats the depth as constant over the image, unlike differences.
 Gaussians<Cpu> large_surfels(int count, unsigned seed) {
     Gaussians<Cpu> g = random_gaussians(count, seed, 0.25);
     test::Random random(seed);
@@ -85,7 +85,7 @@ Gaussians<Cpu> large_surfels(int count, unsigned seed) {
 TEST(Surfel, AgainstBruteForceInDouble) {
     for (const double size : {0.02, 0.2}) {
         const auto g = random_gaussians(300, 7, size);
-        const Camera camera = test_camera(45, 37);  // no multiple of the tile size
+        const Camera camera = test_camera(45, 37);  // not a multiple of the tile size
         const auto reference = Reference(g).render(camera);
         for (const SurfaceDepth depth : {SurfaceDepth::expected, SurfaceDepth::median}) {
             const auto backbone = make_backbone<Cpu>("surfel", with_depth(depth));
@@ -178,7 +178,8 @@ TEST_P(SurfelBackward, AgainstDifferencesOfBruteForce) {
         differences.check(dL.opacity_logits[i], reference.logits[i], 1);
         EXPECT_EQ(dL.log_scales[i].z, 0);
     }
-    // A cut-off crossed within 2h jumps the difference, and so does a median that changes hands.
+    // A cut-off crossed within 2h makes the difference jump, and so does a median that moves to
+    // another splat.
     EXPECT_LE(differences.outliers, differences.checked / (median ? 8 : 20))
         << differences.outliers << " of " << differences.checked;
 }
@@ -187,7 +188,7 @@ INSTANTIATE_TEST_SUITE_P(Depths,
                          SurfelBackward,
                          testing::Values(SurfaceDepth::expected, SurfaceDepth::median));
 
-/// Surfels turned at random in the plane n.X = -3 (camera frame), of all opacities.
+/// Surfels rotated at random in the plane n.X = -3 (camera frame), of all opacities.
 TEST(Surfel, PlaneHasExactDepthAndNormal) {
     const Vec3f n = normalize(Vec3f{0.3f, -0.2f, -0.9f});
     const Vec3f a = normalize(cross(n, Vec3f{0, 1, 0})), b = cross(n, a);
@@ -250,8 +251,8 @@ TEST(Surfel, VotersFindItsNormal) {
     }
 }
 
-/// All but one splat in two hundred (on an H200: all) have the same gradient to a thousandth of the
-/// middle size.
+/// Allows one splat in two hundred (none on an H200) to differ by more than a thousandth of the
+/// median size.
 void expect_few_differ(const Buffer<Vec3f, Cpu>& a, const Buffer<Vec3f, Cpu>& b, Maps maps) {
     std::vector<float> sizes;
     for (std::size_t i = 0; i < a.size(); ++i)
@@ -266,7 +267,7 @@ void expect_few_differ(const Buffer<Vec3f, Cpu>& a, const Buffer<Vec3f, Cpu>& b,
         << static_cast<unsigned>(maps) << ": " << differ << " of " << sizes.size();
 }
 
-/// What is smaller than a pixel is a dot, whose depth is its centre's.
+/// A surfel smaller than a pixel is a dot with the depth of its centre.
 TEST(Surfel, ADotsDepthGoesToItsCentre) {
     const Camera camera = test_camera(40, 30, 0.3f);
     const Mat3f& R = camera.camera_from_world.R;
@@ -338,8 +339,8 @@ TEST(SurfelTwins, CpuAgainstCuda) {
                 cpu->backward(g, by, dL);
                 cuda->backward(there, by_there, dL_there);
                 copy(dL_there, dL_host);
-                // A splat at its cut-off, or a median that changes hands, takes a pixel's gradient
-                // along: that is why the sums may differ, and few splats only.
+                // A splat at its cut-off, or a median that moves to another splat, changes a
+                // pixel's gradient. So the sums may differ, but only of few splats.
                 expect_few_differ(dL.means, dL_host.means, maps);
                 same(to_host(dL.means), to_host(dL_host.means), 2e-3);
                 same(to_host(dL.quats), to_host(dL_host.quats), 5e-2);

@@ -1,4 +1,5 @@
-// Surfels in double: closed-form intersections, and all derivatives against central differences.
+// Tests surfels in double: closed-form intersections, and all derivatives against central
+// differences.
 #include <gtest/gtest.h>
 
 #include "render/surfel/surfel_math.h"
@@ -17,7 +18,7 @@ Camera test_view() {
     return c;
 }
 
-/// A surfel about `depth` away, tilted and of different scales.
+/// A tilted surfel about `depth` away with different scales.
 SurfelAxes<double> random_axes(test::Random& random, double depth, double size) {
     const Mat3<double> R =
         rotation(normalize(Quat<double>{random.uniform(-1, 1), random.uniform(-1, 1),
@@ -60,7 +61,7 @@ TEST(SurfelMath, RaysMeetThePlaneWhereTheyDo) {
     EXPECT_GT(met, 100);
 }
 
-/// Seen straight on the outline is a circle, and the box touches it.
+/// Seen straight on, the outline is a circle that touches the box.
 TEST(SurfelMath, BoxesAreTight) {
     const auto camera = pinhole<double>(test_view());
     SurfelShape<double> s;
@@ -70,7 +71,7 @@ TEST(SurfelMath, BoxesAreTight) {
     EXPECT_NEAR(s.low.y, -reach * 0.2 * 520 / 2, 1e-9);
     EXPECT_NEAR(norm(Vec3d{s.low_pass.x, s.low_pass.y, 0}), 0, 1e-12);
 
-    // Tilted: no pixel outside of the box draws, and some on its edges nearly do.
+    // Tilted: no pixel outside the box draws, and some on its edges almost do.
     test::Random random(2);
     for (int trial = 0; trial < 100; ++trial) {
         const double opacity = random.uniform(0.05, 0.99);
@@ -88,7 +89,7 @@ TEST(SurfelMath, BoxesAreTight) {
     }
 }
 
-/// The disc that reaches the camera's plane has no box.
+/// A disc that reaches the camera's plane has no box.
 TEST(SurfelMath, UnboundedDiscsAreNotDrawn) {
     const auto camera = pinhole<double>(test_view());
     SurfelShape<double> s;
@@ -103,7 +104,7 @@ TEST(SurfelMath, DiscsOnEdgeAreNotDrawn) {
     EXPECT_TRUE(surfel_shape(camera, {{0, 1e-5, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, s));
 }
 
-/// A splat a thousandth of a pixel's size keeps its digits in float far from the image's corner.
+/// A splat of a thousandth of a pixel keeps its precision in float far from the image's corner.
 TEST(SurfelMath, SmallSplatsFarOffAxisInFloat) {
     test::Random random(3);
     const auto exact = pinhole<double>(test_view());
@@ -126,7 +127,7 @@ TEST(SurfelMath, SmallSplatsFarOffAxisInFloat) {
     EXPECT_LT(worst, 2e-4);
 }
 
-/// A pixel through a few surfels, as a function of all that has derivatives.
+/// A pixel through several surfels, as a function of all parameters.
 struct Stack {
     std::vector<SurfelAxes<double>> axes;
     std::vector<double> opacities;
@@ -143,8 +144,8 @@ std::vector<SurfelShape<double>> shapes_of(const Stack& stack) {
     return shapes;
 }
 
-/// The pixel near `at`: depths of splats drawn as dots move with their centres alone, as the
-/// derivatives have it.
+/// The pixel near `at`. The depth of a splat drawn as a dot changes only with its centre, as in the
+/// derivatives.
 SurfelPixel<double> blended(const Stack& stack, const Stack& at) {
     const auto shapes = shapes_of(stack), fixed = shapes_of(at);
     SurfelPixel<double> pixel;
@@ -194,7 +195,7 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
         Stack stack = random_stack(random, GetParam());
         const auto shapes = shapes_of(stack);
         std::vector<SurfelHit<double>> hits;
-        bool unusual = false;  // at a step of the formulas, where differences say nothing
+        bool unusual = false;  // at a jump of the formulas, where differences are not valid
         for (const auto& s : shapes) {
             hits.push_back(surfel_hit(s, stack.pixel - s.mean));
             const auto& h = hits.back();
@@ -255,7 +256,7 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
 
 INSTANTIATE_TEST_SUITE_P(Sizes, SurfelDerivatives, testing::Bool());
 
-/// The recursion against the sum over pairs; the median against its words.
+/// Compares the recursion with the sum over pairs, and the median with its definition.
 TEST(SurfelMath, DistortionAndMedianByTheirDefinitions) {
     test::Random random(6);
     for (int trial = 0; trial < 50; ++trial) {

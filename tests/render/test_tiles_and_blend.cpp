@@ -1,5 +1,5 @@
-// Tile lists and blending on made-up ellipses, extreme ones among them: the lists against the
-// definition, CUDA against the CPU.
+// Tests tile lists and blending with artificial ellipses, including extreme ones: the lists against
+// the definition, CUDA against the CPU.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -13,13 +13,13 @@ namespace {
 constexpr Channels kAll = Channels::color_plane;
 using Model = EwaModel<kAll>;
 
-/// What the ellipses of a test look like.
+/// Kinds of ellipses.
 enum class Kind { specks, mixed, needles, huge, opaque, stack };
 constexpr Kind kKinds[] = {Kind::specks, Kind::mixed,  Kind::needles,
                            Kind::huge,   Kind::opaque, Kind::stack};
 const char* const kNames[] = {"specks", "mixed", "needles", "huge", "opaque", "stack"};
 
-/// Projected splats, one in ten at the depth of its predecessor.
+/// Projected splats; one in ten has the depth of its predecessor.
 EwaSplats<Cpu> made_up(Kind kind, int count, const TileGrid& grid, unsigned seed) {
     test::Random random(seed);
     EwaSplats<Cpu> v;
@@ -63,7 +63,7 @@ std::vector<std::vector<std::uint32_t>> splats_by_tile(const TileLists<Device>& 
     return tiles;
 }
 
-/// Fragments are contiguous per splat, and the sorted ones name their splats.
+/// Fragments are contiguous per splat, and the sorted fragments name their splats.
 template <class Device>
 void expect_consistent(const TileLists<Device>& lists) {
     const auto counts = to_host(lists.fragment_counts), first = to_host(lists.first_fragment);
@@ -184,7 +184,7 @@ void fetch(const RenderedImages<Device>& images,
                                                               : SplatGradients<float>{});
 }
 
-/// `width`: of the CPU's packs, no argument of CUDA's.
+/// `width`: of the CPU's packs; CUDA has no such argument.
 template <class Device, bool kAtomic = false, class... Width>
 Blended<Device> blended(const EwaSplats<Cpu>& host, const TileGrid& grid, Width... width) {
     EwaSplats<Device> v;
@@ -208,8 +208,7 @@ Blended<Device> blended(const EwaSplats<Cpu>& host, const TileGrid& grid, Width.
     return out;
 }
 
-/// The straightforward way: pixel by pixel, every splat of the tile's list. Gradients' sums in
-/// double.
+/// Reference: pixel by pixel, every splat of the tile's list, with sums of gradients in double.
 Blended<Cpu> blended_plainly(const EwaSplats<Cpu>& v, const TileGrid& grid) {
     const auto pixels =
         static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
@@ -297,7 +296,7 @@ void expect_twins(Kind kind, int count, int width, int height) {
     const auto cuda = blended<Device>(v, grid), again = blended<Device>(v, grid);
     expect_consistent(cuda.lists);
     // The culling test rounds once less on a GPU: a tile that an ellipse just touches may be listed
-    // on one device only, but the others keep their order.
+    // on one device only, but the other tiles keep their order.
     const auto a = splats_by_tile(cpu.lists), b = splats_by_tile(cuda.lists);
     std::size_t differ = 0;
     for (std::size_t t = 0; t < a.size(); ++t) {
@@ -316,9 +315,9 @@ void expect_twins(Kind kind, int count, int width, int height) {
     }
     EXPECT_LE(differ, 1 + static_cast<std::size_t>(cpu.lists.fragment_count) / 10000);
 
-    // Exponentials differ by some units in the last place, so that a splat at its cut-off may be
-    // drawn at a pixel on one device only (by 1/255 of its colour): 1e-4 of the whole. Gradients
-    // divide by transmittances, hence 2e-3.
+    // Exponentials differ by some units in the last place, so a splat at its cut-off may be drawn
+    // at a pixel on one device only (by 1/255 of its colour): 1e-4 of the whole. Gradients divide
+    // by transmittances, hence 2e-3.
     const double images = 1e-4, gradients = 2e-3;
     EXPECT_LE(relative_l2(cpu.color, cuda.color), images);
     EXPECT_LE(relative_l2(cpu.normal, cuda.normal), images);
@@ -340,16 +339,16 @@ TEST(Blend, PacksDoAsSinglePixelsDo) {
     for (const Kind kind : kKinds)
         for (const int count : {1, 33, 3000}) {
             SCOPED_TRACE(testing::Message() << kNames[static_cast<int>(kind)] << ", " << count);
-            const TileGrid grid = tile_grid(75, 41);  // no multiple of anything
+            const TileGrid grid = tile_grid(75, 41);  // not a multiple of the tile size
             const auto v = made_up(kind, count, grid, 77 + static_cast<unsigned>(count));
             const auto plain = blended_plainly(v, grid), packs = blended<Cpu>(v, grid),
                        narrow = blended<Cpu>(v, grid, PackWidth::narrow);
-            // Pixels do not mix: the same operations, so the same bits.
+            // Pixels do not mix: equal operations give equal bits.
             EXPECT_TRUE(same_bits(plain.color, packs.color));
             EXPECT_TRUE(same_bits(plain.normal, packs.normal));
             EXPECT_TRUE(same_bits(plain.distance, packs.distance));
             EXPECT_TRUE(same_bits(plain.transmittance, packs.transmittance));
-            // Sums over the pixels, terms of both signs, round differently, but alike for all
+            // Sums over pixels with terms of both signs round differently, but equally on all
             // processors.
             constexpr std::size_t kCount = SplatGradients<float>::kCount;
             for (std::size_t k = 0; k < kCount; ++k)
@@ -384,8 +383,8 @@ TEST(BlendTwin, OnExtremeSplats) {
 }
 
 TEST(Blend, StackOf5000KeepsItsGradients) {
-    // Faint splats behind one another: T falls over thousands of factors and is divided back up by
-    // as many. The colour gradients' sum is 1 - T, whatever the splats.
+    // Many faint splats: T falls over thousands of factors, and the backward pass divides by all of
+    // them. The sum of the colour gradients is 1 - T for any splats.
     const TileGrid grid = tile_grid(16, 16);
     const auto v = made_up(Kind::stack, 5000, grid, 5);
     const auto out = blended<Cpu>(v, grid);

@@ -1,4 +1,4 @@
-// Agreement with the float64 oracle on its stored cases, for each twin and both precisions.
+// Tests agreement with the stored cases of the float64 oracle, for each device and both precisions.
 #include <cstdio>
 #include <filesystem>
 

@@ -80,7 +80,7 @@ TEST(Eigen, RandomMatricesAreReconstructedAtAnyScale) {
 }
 
 TEST(Eigen, SaliencyOfPlatesInFloat) {
-    // Nearly equal large values are the ideal surface, where closed forms lose four digits.
+    // Nearly equal large values occur on ideal surfaces; closed forms lose four digits there.
     Random random(2);
     double worst = 0;
     for (int trial = 0; trial < 2000; ++trial) {

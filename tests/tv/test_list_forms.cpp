@@ -1,4 +1,5 @@
-// Both forms of the lists hold the same edges in the same order: all results agree bit for bit.
+// Tests that both forms of the lists hold the same edges in the same order: results agree bit for
+// bit.
 #include <cstring>
 
 #include "apps/bench/cloud.h"
@@ -77,7 +78,7 @@ void expect_same(const std::string& shape, int count, TvOptions options, int fix
 
     expect_same_fields(full.field, compact.field);
     if (count < 1000) return;
-    // On surfaces 8.1 bits per edge at 1.5 million splats instead of 64; strays weigh more here.
+    // On surfaces 8.1 bits per edge at 1.5 million splats instead of 64; strays cost more here.
     const double edges = double(count + fixed_count) * full.field.details.k;
     EXPECT_LT(double(compact.bytes), double(full.bytes) - 4.5 * edges);
 }
@@ -106,7 +107,7 @@ TYPED_TEST(ListForms, AgreeOnSmallClouds) {
 TYPED_TEST(ListForms, AgreeWithManyReceivers) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     TvOptions options;
-    options.k = 300;  // lists come sorted by distance from such a search
+    options.k = 300;  // such a search returns lists sorted by distance
     expect_same<TypeParam>("planes", 700, options);
 }
 

@@ -1,4 +1,4 @@
-// The lists as warps read and make them, with threads for lanes.
+// Tests how warps build and read the lists, with CPU threads as lanes.
 #include <barrier>
 #include <cstring>
 #include <numeric>
@@ -24,7 +24,7 @@ TEST(PlaceOfBit, EverySetBit) {
     }
 }
 
-/// A warp of 32 CPU threads, so that the code for warps is tested without a GPU.
+/// A warp of 32 CPU threads, which tests the code for warps without a GPU.
 class ThreadWarp {
 public:
     static constexpr int kLanes = 32;
@@ -64,7 +64,7 @@ private:
     const std::uint32_t* begin() const { return shared_.words; }
     template <class T, class Result>
     auto combine(T mine, const Result& result) const {
-        sync();  // all have read what there was before
+        sync();  // all have read the previous values
         shared_.words[lane_] = static_cast<std::uint32_t>(mine);
         sync();
         return result();
@@ -78,7 +78,7 @@ private:
     int lane_;
 };
 
-/// action(warp) by all lanes.
+/// Runs action(warp) on all lanes.
 template <class Action>
 void run_warp(const Action& action) {
     ThreadWarp::Shared shared;

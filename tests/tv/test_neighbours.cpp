@@ -1,4 +1,4 @@
-// Exact neighbours, against brute force, for each twin.
+// Tests exact neighbours against brute force, for each device.
 #include "core/error.h"
 #include "tv/internal/neighbours.h"
 #include "tv/internal/voting_details.h"
@@ -30,7 +30,7 @@ TEST(MortonCode, InterleavesTheBits) {
     EXPECT_EQ(morton_code({0, 0.5f, 0}, {0, 0, 0}, 1).high, 2ull << 60);
 }
 
-/// Clouds that break careless searches.
+/// Clouds that often break neighbour searches.
 Cloud make_cloud(const std::string& kind, int count, unsigned seed) {
     Random random(seed);
     Cloud cloud;
@@ -87,7 +87,7 @@ void expect_exact(const std::string& kind, int count, int k) {
     const VotingDetails lists = detail::lists_by_splat(found, count);
     const auto& receivers = lists.receivers;
 
-    // Ties go by rank.
+    // Ties are ordered by rank.
     const auto points = to_host(found.points);
     std::vector<std::uint32_t> rank_of(count);
     for (std::uint32_t rank = 0; rank < points.size(); ++rank) rank_of[points[rank].index] = rank;
@@ -130,8 +130,8 @@ void expect_exact(const std::string& kind, int count, int k) {
                                       std::back_inserter(differ));
         for (const auto j : differ) {
             ASSERT_LT(j, std::uint32_t(count));
-            // Float distances may order neighbours the other way round that are this close, on
-            // either boundary. A tie of exact equals has one answer: the smaller rank.
+            // Rounding of distances in float may swap neighbours that are this close, on either
+            // boundary. Exactly equal distances have one answer: the smaller rank.
             const bool tie = std::abs(euclidean(j) / reach - 1) < 1e-6 ||
                              std::abs(whitened(j) / farthest - 1) < 1e-5;
             EXPECT_TRUE(tie && kind != "coincident") << "splat " << i << ", neighbour " << j;
@@ -175,7 +175,7 @@ TYPED_TEST(NeighbourTwins, MassiveCoincidenceTakesNoQuadraticTime) {
     NeighbourScratch<TypeParam> scratch;
     Neighbours<TypeParam> found;
     find_neighbours({splat_spans(g), {}, k, {}, noise.data()}, scratch, found);
-    // All distances tie, and ranks keep the order of equal points: the smallest indices win.
+    // All distances are equal, and ranks keep the order of equal points: the smallest indices win.
     const VotingDetails lists = detail::lists_by_splat(found, kCount);
     const auto& receivers = lists.receivers;
     for (int i = 0; i < kCount; ++i) {

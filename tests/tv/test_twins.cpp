@@ -1,5 +1,5 @@
-// All ways to compute the votes against the CPU in double on random clouds, well and badly
-// conditioned; prints the largest differences seen.
+// Tests all computations of the votes against the CPU in double, on random well- and
+// ill-conditioned clouds; prints the largest differences.
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {
@@ -27,8 +27,8 @@ Cloud random_cloud(int trial) {
     return cloud;
 }
 
-/// The same cloud with its inputs moved by about a unit in the last place: how far its results then
-/// move is the error that no computation in float can be blamed for.
+/// The cloud with inputs changed by about a unit in the last place. The resulting change is the
+/// unavoidable error of any computation in float.
 Cloud perturbed(const Cloud& cloud, unsigned seed) {
     Random random(seed);
     const auto moved = [&](float x) { return x * (1 + 1.2e-7f * (random.uniform() - 0.5f)); };
@@ -52,7 +52,7 @@ std::vector<Difference> differences(const Cloud& cloud,
     const double typical = middle(sizes);
     std::vector<Difference> result(sizes.size());
     for (std::size_t i = 0; i < sizes.size(); ++i) {
-        // Below this votes are close to the cut at 1e-12, and one of them may be zero on one side.
+        // Below this, votes are close to the cut at 1e-12, and one side may have zero.
         if ((a.flags[i] & kHasTensor) == 0 || !(a.details.strength[i] > 1e-6f) ||
             !(b.details.strength[i] < HUGE_VALF) || !(a.details.strength[i] < HUGE_VALF))
             continue;
@@ -73,7 +73,7 @@ std::vector<Difference> differences(const Cloud& cloud,
     return result;
 }
 
-/// Of four draws the largest effect of rounding is still below the worst case.
+/// The largest effect of rounding in four draws is still below the worst case.
 constexpr double kSlack = 10;
 
 /// [docs/method/voting.md#bounds-of-agreement]
@@ -81,7 +81,7 @@ bool within_plain_bounds(const Difference& d) {
     return d.tensor < 1e-4 && d.normal < 0.1;
 }
 
-/// The other ways: a device and a precision.
+/// The other combinations of a device and a precision.
 template <class Device, VotePrecision kPrecision>
 struct Way {
     using On = Device;
@@ -118,7 +118,7 @@ TYPED_TEST(Twins, AgreeOnRandomClouds) {
         for (int i = 0; i < count; ++i, ++lists)
             ties += sorted_row(reference.details.receivers, k, i) !=
                     sorted_row(searched.details.receivers, k, i);
-        // From here on with the same lists, so that a tie does not spread.
+        // Uses the same lists from here on, so that a tie does not spread.
         const auto& receivers = reference.details.receivers;
         const FieldOnHost other = run_events<Device>(cloud, options, 2, receivers);
         const auto found = differences(cloud, reference, other);
@@ -138,7 +138,7 @@ TYPED_TEST(Twins, AgreeOnRandomClouds) {
             if (!d.comparable) continue;
             ++compared;
             worst.tau = std::max(worst.tau, d.tau);
-            // The bounds, or what rounding the inputs does to this very splat.
+            // The bounds, or the effect of rounded inputs on this splat.
             if (within_plain_bounds(d)) {
                 worst.tensor = std::max(worst.tensor, d.tensor);
                 worst.normal = std::max(worst.normal, d.normal);
@@ -147,8 +147,8 @@ TYPED_TEST(Twins, AgreeOnRandomClouds) {
                 continue;
             }
             ++excused;
-            // Where a unit in the last place changes the tensor by percents, it is made of noise:
-            // the strengths of voters whose own tensors have rank one.
+            // Where a unit in the last place changes the tensor by percents, the tensor consists of
+            // noise: the strengths of voters whose own tensors have rank one.
             if (allowed[i].tensor > 1e-2) continue;
             EXPECT_LT(d.tensor, std::max(1e-4, kSlack * allowed[i].tensor)) << "splat " << i;
             EXPECT_LT(d.normal, std::max(0.1, kSlack * allowed[i].normal)) << "splat " << i;
@@ -161,13 +161,13 @@ TYPED_TEST(Twins, AgreeOnRandomClouds) {
         "differ %d\n",
         compared, excused, worst.tensor, worst.normal, worst.tau, worst.target, ties, lists,
         targets_elsewhere, flags_differ);
-    // Needles, clusters much smaller than their splats and far outliers make up over half of the
-    // clouds; elsewhere float keeps the plain bounds.
+    // Needles, clusters much smaller than their splats and far outliers make up more than half of
+    // the clouds; elsewhere float keeps the plain bounds.
     EXPECT_LE(excused, kExact ? 0 : 0.02 * compared);
     EXPECT_LT(worst.tau, 1e-5);
     EXPECT_LT(worst.target, 1e-2);
     EXPECT_LT(ties, 0.01 * lists + 5);
-    // Saliencies within 1e-5 of each other, and values on a threshold, may fall either way.
+    // Saliencies within 1e-5 of each other, and values on a threshold, may go either way.
     EXPECT_LT(targets_elsewhere, 1e-3 * compared + 3);
     EXPECT_LT(flags_differ, 1e-3 * compared + 3);
 }

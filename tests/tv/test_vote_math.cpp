@@ -1,5 +1,5 @@
-// The closed form against the formulas as the page has them, and its table of degenerate geometry.
-// [docs/method/voting.md#one-vote, docs/method/voting.md#degenerate-geometry]
+// Tests the closed form of a vote against the formulas of the page, and its table of degenerate
+// geometry. [docs/method/voting.md#one-vote, docs/method/voting.md#degenerate-geometry]
 #include "core/math/fast_math.h"
 #include "tv/internal/warp.h"
 #include "tv/tv_support.h"
@@ -41,7 +41,8 @@ Mat3<double> power(const Voter& v, double exponent) {  // Sigma'^exponent
     return R * D * transpose(R);
 }
 
-/// [docs/method/voting.md#one-vote] word for word, with symmetric matrices and the angle itself.
+/// The formulas of [docs/method/voting.md#one-vote] unchanged, with symmetric matrices and the
+/// angle.
 Vec direct_plate_vote(const Voter& v, Vec receiver, double& decay) {
     const Mat3<double> M = power(v, -0.5), M_inverse = power(v, 0.5);
     const Vec d = M * (receiver - v.mean);
@@ -86,7 +87,7 @@ TEST(VoteMath, ClosedFormIsTheVoteOfThePage) {
         }
         ++compared;
         EXPECT_NEAR(vote.decay, decay, 1e-12 * std::max(decay, 0.01));
-        const double sign = dot(vote.v, direct) < 0 ? -1 : 1;  // v v^T does not see it
+        const double sign = dot(vote.v, direct) < 0 ? -1 : 1;  // v v^T is independent of the sign
         // The direct form multiplies by a matrix and its inverse: condition up to 100.
         EXPECT_LT(norm(vote.v - sign * direct), 1e-12 * (1 + norm(v.scales))) << "trial " << trial;
     }
@@ -133,13 +134,14 @@ TEST(VoteMath, ByHand) {
 }
 
 TEST(VoteMath, SinglePrecisionIsTheSameVote) {
-    // Inner loops in float use one-instruction functions and a polynomial for the arc: the error of
-    // the decay is that of the exponent, up to 28, in units of 6e-8, and of the polynomial.
+    // Inner loops in float use one-instruction functions and a polynomial for the arc. The error of
+    // the decay is the error of the exponent (up to 28, in units of 6e-8) plus that of the
+    // polynomial.
     Random random(3);
     int compared = 0;
     for (int trial = 0; trial < 5000; ++trial) {
         Voter v = random_voter(random);
-        v.scales.z = v.scales.x;  // conditioning is the matter of the twin tests
+        v.scales.z = v.scales.x;  // test_twins.cpp covers the conditioning
         const Vec receiver = v.mean + 0.7 * vec_cast<double>(random.normal3());
         const auto rule = VoteRule{.unit_length = trial % 2 == 0};
         const Vote<double> vote = v.plate(receiver, rule);
@@ -151,8 +153,8 @@ TEST(VoteMath, SinglePrecisionIsTheSameVote) {
         const Vote<float> single = plate_vote<FastMath>(r, d, r.W * d, rule);
         if (vote.decay < 1e-6) continue;
         ++compared;
-        // Nearly straight votes at short range lose most: their curvature term is a quotient of
-        // small numbers.
+        // Nearly straight votes at short range lose most precision: their curvature term is a
+        // quotient of small numbers.
         EXPECT_NEAR(single.decay / vote.decay, 1, 1e-4) << "trial " << trial;
         const double length = norm(vote.v);
         EXPECT_LT(norm(cross(vec_cast<double>(single.v), vote.v)), 1e-5 * length * length);
@@ -267,7 +269,7 @@ TEST(VoteMath, MedianOfEvenCountsIsTheMeanOfTheMiddleTwo) {
     EXPECT_EQ(median({5, 1, 3}), 3);
     EXPECT_EQ(median({7, 1, 3, 5}), 4);
     EXPECT_EQ(median({4}), 4);
-    EXPECT_EQ(median({4, std::nanf(""), 1}), 4);  // what is not a number comes last
+    EXPECT_EQ(median({4, std::nanf(""), 1}), 4);  // NaN comes last
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What voting events must do on clouds whose answer is known, for each twin.
+// Tests voting events on clouds with known results, for each device.
 #include <spdlog/sinks/ostream_sink.h>
 
 #include <cstring>
@@ -116,7 +116,7 @@ TYPED_TEST(Voting, ScaleFreeVotesDoNotGoByTheSizeOfSplats) {
         for (const float spacings : {0.1f, 0.3f, 1.0f, 3.0f}) {
             std::vector<Vec3f> normals;
             const Cloud cloud = sphere_of(spacings, normals);
-            TvOptions options = options_with(100);  // the shipped reading
+            TvOptions options = options_with(100);  // the default
             options.vote_map = VoteMap::unit;
             options.flatness_limit = options.flatness_limit_position = 1;
             options.curvature = curvature;
@@ -134,7 +134,7 @@ TYPED_TEST(Voting, ScaleFreeVotesDoNotGoByTheSizeOfSplats) {
         return most - least;
     };
     EXPECT_LT(spread(Curvature::scale_free), 1);
-    EXPECT_GT(spread(Curvature::literal), 2);  // the test can fail
+    EXPECT_GT(spread(Curvature::literal), 2);  // shows that the test can fail
 }
 
 TYPED_TEST(Voting, AnchorsAreTheCentresAndChangeNothingElse) {
@@ -159,8 +159,8 @@ TYPED_TEST(Voting, AnchorsAreTheCentresAndChangeNothingElse) {
 
 TYPED_TEST(Voting, NobodyFallsSilentAmongEightDecadesOfScale) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
-    // A plane of small splats, and giants among them, whose covariant votes are 10^16 times longer.
-    // What the giants say of where they are 7 standard deviations away still outweighs the rest.
+    // A plane of small splats with a few giants, whose covariant votes are 10^16 times longer. At a
+    // distance of 7 standard deviations the giants still outweigh the other splats.
     Random random(23);
     Cloud cloud;
     for (int i = 0; i < 600; ++i) {
@@ -279,7 +279,7 @@ TYPED_TEST(Voting, RigidMotionAndScaling) {
     }
     EXPECT_GT(tensor_errors.size(), 0.98 * cloud.size());
     EXPECT_LT(median_of(tensor_errors), 1e-5);
-    // The moved inputs are rounded anew, and flat splats magnify that.
+    // Moved inputs are rounded again, and flat splats magnify the error.
     EXPECT_LT(*std::max_element(tensor_errors.begin(), tensor_errors.end()), 1e-3);
     EXPECT_LT(*std::max_element(normal_errors.begin(), normal_errors.end()), 0.1);
 
@@ -342,7 +342,7 @@ TYPED_TEST(Voting, AllSizesAndOptions) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     for (const int count : {0, 1, 2, 3, 31, 150, 257}) {
         for (int variant = 0; variant < (count < 31 || count > 150 ? 1 : 6); ++variant) {
-            TvOptions options = options_with(60);  // N < 2k + 1, but for the last
+            TvOptions options = options_with(60);  // N < 2k + 1, except the last
             options.whiten_noise_mode = variant == 1 ? NoiseMode::per_splat : NoiseMode::global;
             options.strength = variant == 2 ? VoteStrength::literal : VoteStrength::relative;
             options.vote_map = variant == 3 ? VoteMap::unit : VoteMap::covariant;
@@ -393,7 +393,7 @@ TYPED_TEST(Voting, WithoutTargetsNoVirtualReceivers) {
 
 TYPED_TEST(Voting, BothNewKeysHelpOnFlatSplats) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
-    // Unit votes and a flatness limit of 1 bring the targets nearer to the surface.
+    // Unit votes and a flatness limit of 1 move the targets closer to the surface.
     const Cloud cloud = sphere(1200, 11, 0.01f);
     const auto rms = [&](const TvOptions& options) {
         double sum = 0;
@@ -404,7 +404,7 @@ TYPED_TEST(Voting, BothNewKeysHelpOnFlatSplats) {
     TvOptions unit = options_with(100);
     unit.vote_map = VoteMap::unit;
     TvOptions both = unit;
-    both.flatness_limit_position = 1;  // of the two rounds, the one that makes targets
+    both.flatness_limit_position = 1;  // of the round that makes targets
     const double paper_rms = rms(options_with(100)), unit_rms = rms(unit), both_rms = rms(both);
     EXPECT_LT(unit_rms, paper_rms);
     EXPECT_LT(both_rms, unit_rms);
@@ -509,21 +509,21 @@ TYPED_TEST(Voting, FixedVotersHoldTheSurface) {
         for (const Vec3f p : f.targets) sum += std::abs(double(p.z));
         return sum / double(f.targets.size());
     };
-    // Splats that all lie off the plane agree with each other: only the points pull them back.
+    // Splats that all lie off the plane agree with each other; only the points pull them back.
     const Cloud cloud = splats(0.05f, 0.01f);
     const FieldOnHost without = run(cloud, {}), with = run(cloud, fixed);
     EXPECT_GT(height(without), 0.9 * 0.05);
     EXPECT_LT(height(with), 0.75 * height(without));
-    // Noisy splats near it get better normals.
+    // Noisy splats near the plane get better normals.
     const Cloud noisy = splats(0, 0.01f);
     const std::vector<Vec3f> up(noisy.means.size(), {0, 0, 1});
     EXPECT_LT(median_normal_error(run(noisy, fixed), up),
               0.8 * median_normal_error(run(noisy, {}), up));
-    // They receive nothing and change no sizes; each casts k votes.
+    // Fixed voters receive nothing and change no sizes; each casts k votes.
     EXPECT_EQ(with.flags.size(), cloud.means.size());
     EXPECT_EQ(with.details.voters.size(), (cloud.means.size() + 2000) * 20);
     EXPECT_TRUE(same_bits(with, run(cloud, fixed)));
-    // Without weight they change nothing but the counts.
+    // With weight 0 they change only the counts.
     for (float& weight : fixed.weights) weight = 0;
     EXPECT_NEAR(height(run(cloud, fixed)), height(without), 1e-6);
 }

@@ -50,7 +50,7 @@ Gaussians<Device> to_gaussians(const Cloud& cloud) {
     return g;
 }
 
-/// As on Gaussians (apps/bench/field.h).
+/// Like the function in apps/bench/field.h, on Gaussians.
 template <class Device>
 FieldOnHost run_events(const Cloud& cloud,
                        const TvOptions& options,
@@ -59,7 +59,7 @@ FieldOnHost run_events(const Cloud& cloud,
     return tvsgs::run_events(to_gaussians<Device>(cloud), options, events, receivers);
 }
 
-/// Same draws everywhere: std::normal_distribution differs between libraries.
+/// Own sampler: std::normal_distribution differs between libraries.
 class Random {
 public:
     explicit Random(unsigned seed) : engine_(seed) {}
@@ -83,7 +83,7 @@ private:
     std::mt19937 engine_;
 };
 
-/// Everyone votes for splat 5, and otherwise near or anywhere.
+/// Every splat votes for splat 5, and otherwise for near or random ones.
 inline std::vector<std::uint32_t> made_up_lists(int count, int k) {
     Random random(11);
     std::vector<std::uint32_t> receivers;
@@ -101,7 +101,7 @@ inline std::vector<std::uint32_t> made_up_lists(int count, int k) {
     return receivers;
 }
 
-/// The twins of this build.
+/// The devices of this build.
 using Devices = std::conditional_t<kHasCuda, ::testing::Types<Cpu, Cuda>, ::testing::Types<Cpu>>;
 
 template <class Device>
