@@ -95,7 +95,7 @@ void add_to_manifest(const fs::path& folder, const fs::path& file) {
 namespace {
 
 /// True if the file begins with the signature of tvsgs.
-bool bears_our_name(const fs::path& file) {
+bool has_signature(const fs::path& file) {
     std::ifstream in(file, std::ios::binary);
     std::string head(4096, '\0');
     in.read(head.data(), static_cast<std::streamsize>(head.size()));
@@ -112,8 +112,7 @@ void require_replaceable(const fs::path& file) {
     std::error_code code;
     if (!fs::is_regular_file(file, code)) return;
     const auto folder = folder_with_manifest(file);
-    if (folder ? is_listed(*folder, file) : fs::is_empty(file, code) || bears_our_name(file))
-        return;
+    if (folder ? is_listed(*folder, file) : fs::is_empty(file, code) || has_signature(file)) return;
     throw Error(ExitCode::usage, str(file.string(),
                                      ": is there, and not written by tvsgs; move it away, or name "
                                      "another place"));

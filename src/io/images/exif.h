@@ -20,7 +20,7 @@ struct Exif {
 Exif read_exif(std::string_view jpeg);
 
 /// True for orientations that swap width and height.
-inline bool turns_sides(int orientation) {
+inline bool swaps_sides(int orientation) {
     return orientation >= 5;
 }
 

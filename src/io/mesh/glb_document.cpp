@@ -68,7 +68,7 @@ void GlbDocument::check_extensions(std::initializer_list<const char*> known) con
     }
 }
 
-bool GlbDocument::is_ours(const char* key) const {
+bool GlbDocument::is_from_tvsgs(const char* key) const {
     const json& asset = member(doc_, "asset");
     const json& extras = member(asset, "extras");
     return text(asset, "generator").starts_with("tvsgs ") && extras.contains("origin") &&

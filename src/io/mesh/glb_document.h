@@ -38,7 +38,7 @@ protected:
     void check_extensions(std::initializer_list<const char*> known) const;
     /// True if tvsgs wrote the file and nobody changed it: one node, and asset.extras has `key` and
     /// an origin.
-    bool is_ours(const char* key) const;
+    bool is_from_tvsgs(const char* key) const;
 
     /// The member; empty JSON if there is none.
     static const json& member(const json& object, const char* key);

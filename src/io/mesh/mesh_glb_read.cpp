@@ -16,22 +16,22 @@ namespace {
 using nlohmann::json;
 
 constexpr std::int64_t kMostVertices = std::int64_t{1} << 30, kMostPixels = 8192 * 8192;
-// Limit of the vertices and corners of a file, including copies by nodes: kCopies per byte of the
-// file, but at least kAlways.
-constexpr std::size_t kCopies = 64, kAlways = std::size_t{1} << 26;
+// Limit of the vertices and corners of a file, including copies by nodes: kCopiesPerByte per byte
+// of the file, but at least kMinCopies.
+constexpr std::size_t kCopiesPerByte = 64, kMinCopies = std::size_t{1} << 26;
 
 class GlbReader : GlbDocument {
 public:
     GlbReader(const std::string& path, std::string_view bytes, bool want_colors)
         : GlbDocument(path, bytes),
           want_colors_(want_colors),
-          most_(std::max(kAlways, kCopies * bytes.size())) {
+          most_(std::max(kMinCopies, kCopiesPerByte * bytes.size())) {
         // Extensions that change the geometry must be supported; those that change images are
         // ignored.
         check_extensions(
             {"KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_"});
-        ours_ = is_ours("vertices");
-        if (ours_) origin_ = vector3(member(member(doc_, "asset"), "extras"), "origin", {});
+        from_tvsgs_ = is_from_tvsgs("vertices");
+        if (from_tvsgs_) origin_ = vector3(member(member(doc_, "asset"), "extras"), "origin", {});
     }
 
     ReadMesh read() {
@@ -46,7 +46,7 @@ public:
         }
         if (out_.faces.empty()) fail("holds no triangles");
         if (!has_colors_) out_.colors.clear();
-        if (ours_) join_copies();
+        if (from_tvsgs_) merge_duplicates();
         return std::move(out_);
     }
 
@@ -78,7 +78,8 @@ private:
         check_json_depth(depth, path_);
         if (visited_[i]++) fail(str("node ", i, " has two parents, or is its own"));
         const json& node = nodes[i];
-        const Affine3d world_from_node = ours_ ? Affine3d{} : world_from_parent * motion_of(node);
+        const Affine3d world_from_node =
+            from_tvsgs_ ? Affine3d{} : world_from_parent * motion_of(node);
         if (node.is_object() && node.contains("mesh")) {
             const json& meshes = list(doc_, "meshes");
             for (const json& primitive : list(meshes[index(node, "mesh", meshes)], "primitives"))
@@ -201,7 +202,7 @@ private:
 
     /// Merges vertices of a tvsgs file at equal positions, bit by bit. Keeps the order of first
     /// use.
-    void join_copies() {
+    void merge_duplicates() {
         std::vector<int> order(out_.positions.size());
         std::iota(order.begin(), order.end(), 0);
         const auto key = [&](int i) {
@@ -234,7 +235,7 @@ private:
     const bool want_colors_;
     const std::size_t most_;  // vertices and corners
     std::size_t claimed_ = 0;
-    bool has_colors_ = false, ours_ = false;
+    bool has_colors_ = false, from_tvsgs_ = false;
     Vec3d origin_;
     std::vector<char> visited_;
     std::pair<std::optional<std::size_t>, ImageU8> decoded_;  // index and image decoded last

@@ -34,7 +34,7 @@ std::string be32(std::uint32_t value) {
 }
 
 /// The encoded image with the signature of tvsgs in its metadata.
-std::string signed_picture(std::string bytes, TextureFormat format) {
+std::string with_signature(std::string bytes, TextureFormat format) {
     const std::string name = kVersion;
     if (format == TextureFormat::jpeg) {  // as a comment after the first segment
         constexpr std::size_t kAfterJfif = 20;
@@ -189,7 +189,7 @@ void write_mesh(const std::string& path,
         files.add(path, obj_text(mesh, texture, options.origin, ""));
     } else {
         const std::vector<std::string> names = mesh_files(path, true, options.texture_format);
-        files.add(names[0], signed_picture(encode_texture(texture.image, options.texture_format),
+        files.add(names[0], with_signature(encode_texture(texture.image, options.texture_format),
                                            options.texture_format));
         files.add(names[1],
                   str("# ", kVersion, "\nnewmtl photographs\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0",

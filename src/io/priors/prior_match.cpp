@@ -11,20 +11,20 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Map that forgets keys with several different values.
-class Unique {
+class UniqueMap {
 public:
     void add(const std::string& key, const std::string& value) {
         if (const auto [at, is_new] = values_.emplace(key, value); !is_new && at->second != value)
-            several_.insert(key);
+            ambiguous_.insert(key);
     }
     const std::string* find(const std::string& key) const {
         const auto at = values_.find(key);
-        return at == values_.end() || several_.contains(key) ? nullptr : &at->second;
+        return at == values_.end() || ambiguous_.contains(key) ? nullptr : &at->second;
     }
 
 private:
     std::map<std::string, std::string> values_;
-    std::set<std::string> several_;
+    std::set<std::string> ambiguous_;
 };
 
 std::string number_of(const std::string& stem) {
@@ -57,7 +57,7 @@ PriorFiles match_priors(const std::string& folder,
         if (entry->is_regular_file(failure))
             files.push_back(entry->path().lexically_relative(folder).generic_string());
     }
-    Unique last_parts, numbers;  // of views: one file must not serve two views
+    UniqueMap last_parts, numbers;  // of views: one file must not serve two views
     for (const std::string& view : views) {
         const std::string stem = stem_of(view, whole_names);
         last_parts.add(last_part(stem), view);
@@ -65,7 +65,7 @@ PriorFiles match_priors(const std::string& folder,
     }
     PriorFiles found;
     for (const std::string& ending : endings) {
-        Unique by_stem, by_last, by_number;
+        UniqueMap by_stem, by_last, by_number;
         for (const std::string& file : files) {
             if (!file.ends_with(ending) || file.size() == ending.size()) continue;
             const std::string stem = file.substr(0, file.size() - ending.size()),

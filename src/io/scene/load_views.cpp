@@ -44,7 +44,7 @@ ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was
     const std::string bytes = read_bytes(file);
     if (as_stored) return decode_image(file, bytes);
     const int orientation = read_exif(bytes).orientation;
-    if (!turns_sides(orientation))
+    if (!swaps_sides(orientation))
         throw wrong(
             " (turned, as by EXIF orientation 6, which this file no longer says: the poses were "
             "computed on rotated pixels); rotate the image, or pass the folder of the images that "
@@ -201,7 +201,7 @@ std::vector<View> load_views(const std::vector<ViewSource>& sources,
     return views;
 }
 
-void say_lenses(const std::vector<ViewSource>& sources) {
+void log_undistortion(const std::vector<ViewSource>& sources) {
     struct Lens {
         Shares cropped, empty;
     };

@@ -36,7 +36,7 @@ std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              PixelFile* file = nullptr);
 
 /// Logs one line per camera model whose distortion was removed, with the lost pixels.
-void say_lenses(const std::vector<ViewSource>& sources);
+void log_undistortion(const std::vector<ViewSource>& sources);
 
 /// Warns of masks without a single object pixel; their scale is probably wrong. `views` were loaded
 /// from `sources`.

@@ -385,7 +385,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         }
         PixelFile* const to = file ? &*file : nullptr;
         scene.train = load_views(train, options, scene.origin, to);
-        say_lenses(train);
+        log_undistortion(train);
         warn_of_empty_masks(train, scene.train);
         scene.test = load_views(sources(chosen.split.test), options, scene.origin, to);
         double offset = 0;

@@ -62,8 +62,8 @@ public:
         resize(g, static_cast<int>(count_), static_cast<int>(bands));
         read_means(g, turn);
         read_others(g, turn);
-        if (bands > 0) read_harmonics(g, rest, turn);
-        require_sound(g, path_);
+        if (bands > 0) read_sh(g, rest, turn);
+        require_valid(g, path_);
         return g;
     }
 
@@ -156,7 +156,7 @@ private:
         });
     }
 
-    void read_harmonics(Gaussians<Cpu>& g, const json& part, const HalfTurn& turn) const {
+    void read_sh(Gaussians<Cpu>& g, const json& part, const HalfTurn& turn) const {
         const std::int64_t palette = whole(part, "count", 0);
         if (palette < 1 || palette > sog::kMaxPalette)
             fail("shN: ", palette, " kinds of harmonics; expected 1 to ", sog::kMaxPalette);

@@ -71,7 +71,7 @@ void put_codes(std::uint8_t* to, const Codebook& codes, Vec3f v) {
     for (int c = 0; c < 3; ++c) to[c] = nearest_code(codes, v[c]);
 }
 
-struct Harmonics {
+struct ShImages {
     ImageU8 labels, centroids;
     Codebook codes;
     int count = 0;
@@ -79,15 +79,15 @@ struct Harmonics {
 
 /// Palette size of PlayCanvas's tools: the largest power of two up to the number of splats, at most
 /// 2^16.
-int usual_palette(std::size_t splats) {
+int default_palette_size(std::size_t splats) {
     return static_cast<int>(
         std::min<std::size_t>(std::bit_floor(splats), std::size_t{sog::kMaxPalette}));
 }
 
-Harmonics harmonics_of(const Gaussians<Cpu>& g,
-                       const HalfTurn& turn,
-                       int most,
-                       const ImageU8& blank) {
+ShImages sh_images_of(const Gaussians<Cpu>& g,
+                      const HalfTurn& turn,
+                      int most,
+                      const ImageU8& blank) {
     const std::size_t count = g.means.size(),
                       rest = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
     std::vector<float> vectors(3 * rest * count);
@@ -99,7 +99,7 @@ Harmonics harmonics_of(const Gaussians<Cpu>& g,
                     turn.of_coefficient(static_cast<int>(k) + 1) * g.sh[(k + 1) * count + i][c];
     });
     const ShPalette palette = make_sh_palette(vectors, static_cast<int>(3 * rest), most);
-    Harmonics out{blank, {}, make_codebook(palette.centres), palette.count};
+    ShImages out{blank, {}, make_codebook(palette.centres), palette.count};
     parallel_for(Cpu{}, g.size(), [&](int index) {
         const auto i = static_cast<std::size_t>(index);
         std::uint8_t* const to = pixel(out.labels, i);
@@ -162,8 +162,8 @@ std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const So
     meta["sh0"]["codebook"] = color_codes;
     add(meta["sh0"]["files"], "sh0.webp", colors);
     if (g.sh_degree > 0) {
-        const int usual = usual_palette(count);
-        const Harmonics sh = harmonics_of(
+        const int usual = default_palette_size(count);
+        const ShImages sh = sh_images_of(
             g, turn, options.palette > 0 ? std::min(options.palette, usual) : usual, blank);
         meta["shN"] = {{"count", sh.count}, {"bands", g.sh_degree}, {"codebook", sh.codes}};
         add(meta["shN"]["files"], "shN_centroids.webp", sh.centroids);

@@ -47,7 +47,7 @@ inline void require_writable(const Gaussians<Cpu>& g, const std::string& path) {
 }
 
 /// Call it after reading. Throws Error(ExitCode::input).
-inline void require_sound(const Gaussians<Cpu>& g, const std::string& path) {
+inline void require_valid(const Gaussians<Cpu>& g, const std::string& path) {
     check_splats(g, [&](const char* what, std::size_t i) {
         throw Error(ExitCode::input, str(path, ": ", what, " of splat ", i,
                                          " is not finite, or zero; expected finite numbers"));

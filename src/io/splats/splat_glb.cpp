@@ -51,8 +51,9 @@ public:
     }
 
     Vec3d origin() const {
-        return is_ours("splats") ? vector3(member(member(doc_, "asset"), "extras"), "origin", {})
-                                 : Vec3d{};
+        return is_from_tvsgs("splats")
+                   ? vector3(member(member(doc_, "asset"), "extras"), "origin", {})
+                   : Vec3d{};
     }
 
     Gaussians<Cpu> read(const HalfTurn& turn) const {
@@ -98,13 +99,13 @@ public:
             for (std::size_t k = 0; k < sh.size(); ++k)
                 g.sh[k * count + i] = turn.of_coefficient(static_cast<int>(k)) * vector(sh[k]);
         });
-        require_sound(g, path_);
+        require_valid(g, path_);
         return g;
     }
 
 private:
     const json& splats() const {
-        const bool ours = is_ours("splats");
+        const bool ours = is_from_tvsgs("splats");
         for (const json& node : list(doc_, "nodes"))
             for (const char* moved : {"matrix", "rotation", "scale", "translation"})
                 if (!ours && node.is_object() && node.contains(moved))

@@ -223,7 +223,7 @@ std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
     std::size_t from = c.table + table.size() * sizeof(TableRow);
     std::vector<std::span<const std::uint8_t>> frames;
     for (std::size_t i = 0, begin = at.means(); i < ends.size(); begin = ends[i++]) {
-        constexpr std::size_t kMostPacked = 1 << 15;  // zstd: 128 KiB of equal bytes become 4
+        constexpr std::size_t kMaxRatio = 1 << 15;  // zstd: 128 KiB of equal bytes become 4
         const std::size_t bytes = ends[i] - begin;
         if (table[i].bytes != bytes)
             throw input_error(name, ": ", table[i].bytes, " bytes of ", kStreamNames[i],
@@ -231,7 +231,7 @@ std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
                               ") expects ", bytes);
         if (table[i].packed > file.size() - from)
             throw input_error(name, ": ends early, in its ", kStreamNames[i]);
-        if (bytes / kMostPacked > table[i].packed)
+        if (bytes / kMaxRatio > table[i].packed)
             throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
                               " bytes can hold");
         frames.push_back(file.subspan(from, table[i].packed));
@@ -255,8 +255,8 @@ std::vector<std::uint8_t> open_gzip(std::span<const std::uint8_t> file, const st
     if (h.version == 4)
         throw input_error(name, ": SPZ version 4 inside gzip; expected version 2 or 3 there");
     const Layout at(h);
-    constexpr std::size_t kMostPacked = 1032;  // largest ratio of deflate
-    if (at.end() / kMostPacked > file.size())
+    constexpr std::size_t kMaxRatio = 1032;  // largest ratio of deflate
+    if (at.end() / kMaxRatio > file.size())
         throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
                           " bytes can hold");
     std::vector<std::uint8_t> bytes(at.end());
