@@ -184,7 +184,7 @@ struct LeavesTerm {
 
 /// Sum of the terms on the host. Waits for the device.
 template <class Device, class Term>
-double sum_now(NeighbourScratch<Device>& s, int count, const Term& term) {
+double sum_on_host(NeighbourScratch<Device>& s, int count, const Term& term) {
     s.sums.resize(kSumBlocks + 1);
     s.sums.fill_zero();
     add_sum(Device{}, count, term, 1, Span<double>{s.sums.data(), kSumBlocks},
@@ -200,7 +200,7 @@ void count_usable(const NeighbourQuery& query,
     s.values.resize(count);
     parallel_for(Device{}, count, TraceBody{query.splats, s.values.span()});
     // Waits for the device: the size of all later steps depends on this number.
-    out.usable = static_cast<int>(sum_now(s, count, UsableTerm{s.values.span()}));
+    out.usable = static_cast<int>(sum_on_host(s, count, UsableTerm{s.values.span()}));
     if (out.usable < 2) return;
     sort(s.values, s.sort);
     s.stats.resize(8);
@@ -274,9 +274,9 @@ void find_neighbours(const NeighbourQuery& query,
 
     if (query.count_work) {
         out.candidates = static_cast<std::int64_t>(
-            sum_now(s, out.voters_count, CandidatesTerm{s.counts.span()}));
-        out.leaves =
-            static_cast<std::int64_t>(sum_now(s, out.voters_count, LeavesTerm{s.counts.span()}));
+            sum_on_host(s, out.voters_count, CandidatesTerm{s.counts.span()}));
+        out.leaves = static_cast<std::int64_t>(
+            sum_on_host(s, out.voters_count, LeavesTerm{s.counts.span()}));
     }
     if (out.storage == ListStorage::compact)  // the event does not need them
         free_memory(s.values, s.codes, s.order, s.nodes, s.rows, s.sort.keys, s.sort.values);

@@ -12,7 +12,7 @@ struct CentreRoundBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
     static constexpr bool kPacks = true;
 
-    Ballot<Real, Lists> ballot;
+    ReceivedVotes<Real, Lists> received;
     bool ball_round;  // only splats without a tensor vote and receive
     Ranks ranks;
     Span<const std::uint8_t> flags;
@@ -23,14 +23,14 @@ struct CentreRoundBody {
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
         if (ball_round && (flags[ranks.splat(rank)] & kHasTensor) != 0) return;
         using Lane = typename Warp::template Lane<Real>;
-        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[rank].v);
+        const Vec3<Lane> mean = vec_cast<Lane>(received.means[rank].v);
         VoteSums<Lane> s;
-        ballot.template for_each_voter<Warp::kLanes>(
+        received.template for_each_voter<Warp::kLanes>(
             warp, rank, [&](const VoterRecord<Lane>& voter) {
                 const Vec3<Lane> d = mean - voter.mean, dw = voter.W * d;
                 add_vote(s, voter.strength,
-                         ball_round ? ball_vote<ExactMath>(voter, d, dw, ballot.rule)
-                                    : plate_vote<ExactMath>(voter, d, dw, ballot.rule));
+                         ball_round ? ball_vote<ExactMath>(voter, d, dw, received.rule)
+                                    : plate_vote<ExactMath>(voter, d, dw, received.rule));
             });
         const Sym3<Real> T{warp.sum(s.tensor.xx), warp.sum(s.tensor.xy), warp.sum(s.tensor.xz),
                            warp.sum(s.tensor.yy), warp.sum(s.tensor.yz), warp.sum(s.tensor.zz)};
@@ -48,18 +48,18 @@ template <class Real, class Lists>
 struct VoteCountBody {
     static constexpr bool kPacks = true;
 
-    Ballot<Real, Lists> ballot;
+    ReceivedVotes<Real, Lists> received;
     Span<float> votes, culled;  // by rank
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
         using Lane = typename Warp::template Lane<Real>;
-        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[rank].v);
+        const Vec3<Lane> mean = vec_cast<Lane>(received.means[rank].v);
         Lane all(0), zero(0);
-        ballot.template for_each_voter<Warp::kLanes>(
+        received.template for_each_voter<Warp::kLanes>(
             warp, rank, [&](const VoterRecord<Lane>& voter) {
                 const Vec3<Lane> d = mean - voter.mean;
-                const Vote<Lane> vote = plate_vote<ExactMath>(voter, d, voter.W * d, ballot.rule);
+                const Vote<Lane> vote = plate_vote<ExactMath>(voter, d, voter.W * d, received.rule);
                 all += select(vote.cast, Lane(1), Lane(0));
                 zero += select(both(vote.cast, vote.decay <= Lane(0)), Lane(1), Lane(0));
             });

@@ -94,7 +94,7 @@ struct VotingEvent {
         s.times.done("records");
         for_each_warp(
             Device{}, usable, 0,
-            CentreRoundBody<Real, Lists>{ballot(), ball_round, ranks, field.flags.span(),
+            CentreRoundBody<Real, Lists>{received(), ball_round, ranks, field.flags.span(),
                                          s.sums.span(), s.strengths.span(), s.strong_votes.span()});
         s.times.done("centres");
         parallel_for(Device{}, usable,
@@ -137,7 +137,7 @@ struct VotingEvent {
         const auto vote = [&]<bool kUnitVotes>() {
             for_each_warp(Device{}, usable, 0,
                           VirtualBody<Real, Lists, kUnitVotes>{
-                              ballot(), same_voters, options.virtual_range,
+                              received(), same_voters, options.virtual_range,
                               std::max(options.target_margin, kRoundingMargin), ranks,
                               field.eigenvalues.span(), field.normals.span(), field.targets.span(),
                               field.flags.span()});
@@ -166,7 +166,7 @@ struct VotingEvent {
                                       s.voter_strengths.span(), records.span()});
     }
 
-    Ballot<Real, Lists> ballot() const {
+    ReceivedVotes<Real, Lists> received() const {
         return {records.span(), s.means.span(), lists, vote_rule(options)};
     }
 
@@ -181,10 +181,10 @@ struct VotingEvent {
         auto& votes = s.sorted_strengths;  // unused until mask_positions(), like the next one
         auto& culled = s.sorted_variability;
         votes.resize(usable), culled.resize(usable);
-        for_each_warp(Device{}, usable, 0, VoteCountBody{ballot(), votes.span(), culled.span()});
-        s.profile.votes = s.total_now(usable, ValueTerm{votes.span()});
-        s.profile.culled_votes = s.total_now(usable, ValueTerm{culled.span()});
-        s.profile.silent_voters = s.total_now(voters, SilentTerm{s.tau.span()});
+        for_each_warp(Device{}, usable, 0, VoteCountBody{received(), votes.span(), culled.span()});
+        s.profile.votes = s.total_on_host(usable, ValueTerm{votes.span()});
+        s.profile.culled_votes = s.total_on_host(usable, ValueTerm{culled.span()});
+        s.profile.silent_voters = s.total_on_host(voters, SilentTerm{s.tau.span()});
         s.times.skip();
     }
 };

@@ -58,7 +58,7 @@ void TensorVoter<Device>::vote(int step,
         const detail::Ranks ranks = s.ranks(splats);
         s.all_have_tensors =
             s.neighbours.k > 0 &&
-            s.total_now(ranks.usable(), detail::RankTensorTerm{ranks, field.flags.span()}) ==
+            s.total_on_host(ranks.usable(), detail::RankTensorTerm{ranks, field.flags.span()}) ==
                 ranks.usable();
     }
     if (s.neighbours.k == 0) return detail::clear(count, field);

@@ -240,7 +240,7 @@ struct RecordBody {
 
 /// The votes that each splat receives.
 template <class Real, class Lists>
-struct Ballot {
+struct ReceivedVotes {
     Span<const VoterRecord<Real>> records;
     Span<const RankVector> means;
     Lists lists;

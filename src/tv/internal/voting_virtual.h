@@ -15,7 +15,7 @@ struct VirtualBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
     static constexpr bool kPacks = true;
 
-    Ballot<Real, Lists> ballot;
+    ReceivedVotes<Real, Lists> received;
     bool centre_known;  // the centre's tensor comes from the same voters and needs no new votes
     float range;        // reach, in largest scales
     float margin;       // share of lambda_1 by which a receiver must exceed the centre
@@ -31,7 +31,7 @@ struct VirtualBody {
         warp.sync();  // all lanes read the flag before it changes
         if (warp.lane() == 0) flags[i] = flag & (kHasTensor | kNormalValid | kPositionValid);
         if ((flag & kValidNow) == 0) return;
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[rank].v);
+        const Vec3<Real> mean = vec_cast<Real>(received.means[rank].v);
         const Vec3f s = ranks.splats.scales<float>(i);
         const float largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
         const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
@@ -95,12 +95,12 @@ private:
     template <int kStride, class Warp, class Lane, int kCount>
     TVSGS_HD void add_votes(
         const Warp& warp, int rank, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
-        VoteRule rule = ballot.rule;
+        VoteRule rule = received.rule;
         rule.unit_length = kUnitVotes;  // compile-time constant
         using Few = Pairwise<Lane, kCount>;
         constexpr int kFew = sizeof(Few) / sizeof(Lane);
         const Vec3<Lane> from = vec_cast<Lane>(mean), by = vec_cast<Lane>(step);
-        ballot.template for_each_voter<kStride>(warp, rank, [&](const VoterRecord<Lane>& voter) {
+        received.template for_each_voter<kStride>(warp, rank, [&](const VoterRecord<Lane>& voter) {
             const Vec3<Lane> d = from - voter.mean, dw = voter.W * d, by_w = voter.W * by;
             decltype(auto) caster = pairwise<Few>(voter);
             const auto at = [](const Vec3<Lane>& v) { return vec_cast<Few>(v); };
