@@ -232,8 +232,8 @@ Real median_by_search(const std::vector<OnRay>& all, int* turns = nullptr) {
         for (int k = 0; k < MedianSearch<Real>::kPoints; ++k) {
             squares[k] = 1;
             for (const OnRay& s : splats)
-                squares[k] *=
-                    passed_square(Real(s.alpha), (points[k] - point(s).depth) * point(s).inverse);
+                squares[k] *= squared_transmittance(
+                    Real(s.alpha), (points[k] - point(s).depth) * point(s).inverse);
         }
     };
     MedianSearch<Real> search;
@@ -246,12 +246,13 @@ TEST(Median, PassedLightIsTheDefinition) {
     for (const double alpha : {0.0, 0.004, 0.5, 0.99})
         for (double x = -3.9; x < 3.95; x += 0.13) {
             const double T = light({{alpha, 2, 0.1}}, 2 + 0.1 * x);
-            EXPECT_TRUE(close(passed_square(alpha, x), T * T, 1e-12)) << alpha << " at " << x;
+            EXPECT_TRUE(close(squared_transmittance(alpha, x), T * T, 1e-12))
+                << alpha << " at " << x;
         }
-    EXPECT_EQ(passed_square(0.7, -4.01), 1);
-    EXPECT_NEAR(passed_square(0.7, 4.01), 0.09, 1e-15);
+    EXPECT_EQ(squared_transmittance(0.7, -4.01), 1);
+    EXPECT_NEAR(squared_transmittance(0.7, 4.01), 0.09, 1e-15);
     // The effect of the cut-off.
-    EXPECT_LT(1 - passed_square(0.99, -3.9999), 4e-4);
+    EXPECT_LT(1 - squared_transmittance(0.99, -3.9999), 4e-4);
 }
 
 TEST(Median, DerivativesOfPassedLight) {
@@ -259,9 +260,9 @@ TEST(Median, DerivativesOfPassedLight) {
         for (const double x : {-3.0, -0.8, -1e-3, 1e-3, 0.5, 2.5}) {
             const double s = 0.3;
             const auto log_light = [&](double a, double t, double inverse_square) {
-                return 0.5 * std::log(passed_square(a, t * std::sqrt(inverse_square)));
+                return 0.5 * std::log(squared_transmittance(a, t * std::sqrt(inverse_square)));
             };
-            const auto by = passed_vjp(alpha, x, s, 1 / s);
+            const auto by = log_transmittance_vjp(alpha, x, s, 1 / s);
             const double t = x * s, k = 1 / (s * s);
             EXPECT_TRUE(close(
                 by.by_alpha,
@@ -278,8 +279,8 @@ TEST(Median, DerivativesOfPassedLight) {
             EXPECT_LT(by.by_depth, 0) << "light only ever falls";
         }
     // Beyond the cut-off only the absorbed light remains.
-    const auto beyond = passed_vjp(0.6, 5.0, 0.3, 1 / 0.3),
-               front = passed_vjp(0.6, -5.0, 0.3, 1 / 0.3);
+    const auto beyond = log_transmittance_vjp(0.6, 5.0, 0.3, 1 / 0.3),
+               front = log_transmittance_vjp(0.6, -5.0, 0.3, 1 / 0.3);
     EXPECT_NEAR(beyond.by_alpha, -1 / 0.4, 1e-12);
     EXPECT_EQ(beyond.by_depth, 0);
     EXPECT_EQ(front.by_alpha, 0);
@@ -352,14 +353,15 @@ TEST(Median, VjpAgainstDifferencesOfBisection) {
         if (t == 0) continue;
         double slope = 0;
         for (const OnRay& s : splats)
-            slope += passed_vjp(s.alpha, (t - s.depth) / s.deviation, s.deviation, 1 / s.deviation)
+            slope += log_transmittance_vjp(s.alpha, (t - s.depth) / s.deviation, s.deviation,
+                                           1 / s.deviation)
                          .by_depth;
         const double by_light = median_vjp(t, slope, 1.3);
         double all = 0;
         for (OnRay& s : splats) {
             if (std::abs(std::abs(t - s.depth) / s.deviation - 4) < 0.3) continue;  // cut-off
-            const auto by =
-                passed_vjp(s.alpha, (t - s.depth) / s.deviation, s.deviation, 1 / s.deviation);
+            const auto by = log_transmittance_vjp(s.alpha, (t - s.depth) / s.deviation, s.deviation,
+                                                  1 / s.deviation);
             all -= by_light * by.by_depth;
             const auto difference = [&](double& parameter) {
                 const double kept = parameter;

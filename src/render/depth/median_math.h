@@ -26,19 +26,22 @@ TVSGS_HD Real profile(Real x) {
 
 /// T_i^2 at x = (t - t_i) / s.
 template <class Real>
-TVSGS_HD Real passed_square(Real alpha, Real x) {
+TVSGS_HD Real squared_transmittance(Real alpha, Real x) {
     const Real open = 1 - alpha * profile(x), rest = 1 - alpha;
     return x > 0 ? rest * rest * FastMath::inverse(open) : open;
 }
 
 /// Derivatives of ln T_i.
 template <class Real>
-struct PassedGradients {
+struct TransmittanceGradients {
     Real by_alpha, by_depth;  // by_depth: by t; the derivative by t_i is its negative
     Real by_square;           // by 1/s^2
 };
 template <class Real>
-TVSGS_HD PassedGradients<Real> passed_vjp(Real alpha, Real x, Real deviation, Real inverse) {
+TVSGS_HD TransmittanceGradients<Real> log_transmittance_vjp(Real alpha,
+                                                            Real x,
+                                                            Real deviation,
+                                                            Real inverse) {
     const Real e = profile(x), half = FastMath::inverse(1 - alpha * e) * Real(0.5);
     const bool behind = x > 0;
     const Real by_g = behind ? half : -half, y = -by_g * (alpha * e) * x;

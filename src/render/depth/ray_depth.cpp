@@ -28,7 +28,7 @@ void find_medians(Cpu, const MedianView& in, Buffer<Crossing, Cpu>&) {
                 }
                 MedianSearch<float> search;
                 const auto look = [&](const auto& points, auto& squares) {
-                    look_along(
+                    squared_transmittances(
                         range.count, [&](int i) { return crossings[i]; }, points, squares);
                 };
                 const bool found = find_median(range, look, search);

@@ -64,7 +64,7 @@ __device__ void find_tile_medians(const MedianView& in,
         if (!p.inside[k]) continue;
         MedianSearch<float> search;
         const auto look = [&](const auto& points, auto& squares) {
-            look_along(
+            squared_transmittances(
                 ranges[k].count, [&](int i) { return crossings[k][i]; }, points, squares);
         };
         const bool found = find_median(ranges[k], look, search);

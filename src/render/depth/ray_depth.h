@@ -143,7 +143,7 @@ struct MedianDepthModel : RayDepthModel {
         PixelBackward& pixel, const Shape&, const Features& profile, const Hit& hit, Gradients& g) {
         const RayPoint<float> point = ray_point(profile, hit.offset);
         const float x = (pixel.by.depth - point.depth) * point.inverse, light = pixel.by.light;
-        const auto by = passed_vjp(hit.alpha, x, point.deviation, point.inverse);
+        const auto by = log_transmittance_vjp(hit.alpha, x, point.deviation, point.inverse);
         add_alpha_gradient(hit.gauss * (light * by.by_alpha), hit.whitened, g);
         ray_point_vjp(profile, hit.offset, point, -light * by.by_depth, light * by.by_square,
                       g.profile);
@@ -176,15 +176,15 @@ void find_medians(Cuda, const MedianView& view, Buffer<Crossing, Cuda>& crossing
 
 /// Computes T^2 at the points of a search. crossing(i) returns splat i.
 template <class CrossingAt>
-TVSGS_HD void look_along(int count,
-                         const CrossingAt& crossing,
-                         const float (&points)[MedianSearch<float>::kPoints],
-                         float (&squares)[MedianSearch<float>::kPoints]) {
+TVSGS_HD void squared_transmittances(int count,
+                                     const CrossingAt& crossing,
+                                     const float (&points)[MedianSearch<float>::kPoints],
+                                     float (&squares)[MedianSearch<float>::kPoints]) {
     for (float& square : squares) square = 1;
     for (int i = 0; i < count; ++i) {
         const Crossing c = crossing(i);
         for (int k = 0; k < MedianSearch<float>::kPoints; ++k)
-            squares[k] *= passed_square(c.alpha, (points[k] - c.depth) * c.inverse);
+            squares[k] *= squared_transmittance(c.alpha, (points[k] - c.depth) * c.inverse);
     }
 }
 

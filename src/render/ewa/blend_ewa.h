@@ -70,7 +70,7 @@ struct PixelGradientReader {
 // Defined in blend_ewa_packs.h. The declaration makes a .cpp file that forgets that header fail to
 // compile; otherwise it would blend pixel by pixel.
 template <>
-struct MeetTiles<SplatShape<float>>;
+struct TileFinder<SplatShape<float>>;
 template <Channels kChannels>
 struct EwaForwardPacks;
 template <Channels kChannels>

@@ -150,7 +150,7 @@ void count_front(Pack<float, kBytes>& pixels, Pack<float, kBytes> T, Pack<float,
 }
 
 template <>
-struct MeetTiles<SplatShape<float>> {
+struct TileFinder<SplatShape<float>> {
     Span<const SplatShape<float>> shapes;
     Span<const TileRect> rects;
     TileGrid grid;

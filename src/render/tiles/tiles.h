@@ -109,7 +109,7 @@ struct TileLists {
 
 /// Finds a splat's tiles on a CPU; see tiles_cpu.h.
 template <class Shape>
-struct MeetTiles;
+struct TileFinder;
 
 /// Overwrites `lists`. Throws Error(ExitCode::memory) if there are 2^31 fragments or more. Compiled
 /// per type of splat, see tiles_cpu.h and tiles_cuda.h.

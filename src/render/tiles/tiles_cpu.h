@@ -11,7 +11,7 @@ namespace tvsgs {
 /// Finds the tiles that a splat meets, one test after the other. A Shape with a test of several
 /// tiles at once has a specialisation.
 template <class Shape>
-struct MeetTiles {
+struct TileFinder {
     Span<const Shape> shapes;
     Span<const TileRect> rects;
     TileGrid grid;
@@ -35,7 +35,7 @@ struct MeetTiles {
 
 namespace detail {
 
-/// Signature of MeetTiles::operator().
+/// Signature of TileFinder::operator().
 using FindTiles = std::function<void(std::size_t begin,
                                      std::size_t end,
                                      Span<std::uint32_t> counts,
@@ -54,7 +54,7 @@ void build_tile_lists(const ViewSplats<Cpu, Shape, Features>& splats,
                       const TileGrid& grid,
                       TileLists<Cpu>& lists) {
     detail::list_tiles(splats.depths.span(), grid,
-                       MeetTiles<Shape>{splats.shapes.span(), splats.rects.span(), grid}, lists);
+                       TileFinder<Shape>{splats.shapes.span(), splats.rects.span(), grid}, lists);
 }
 
 /// Instantiates the functions for one type of splat.
