@@ -102,13 +102,13 @@ struct FilterBody {
         }
         if (!wide || agreeing < agreement_needed(limits, pass, point, plane.normal, depths)) return;
         const float cost = cost_sum / static_cast<float>(agreeing);
-        const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
-        if (!(likeness > 0)) return;
+        const float similarity = 1.2f - cost > 1 ? 1 : 1.2f - cost;
+        if (!(similarity > 0)) return;
         uniqueness[at] =
             is_repeated(x, y, patch, plane, which, agreeing, cost) ? kRepeated : kUnique;
         kept_depths[at] = plane.depth;
         confidences[at] =
-            static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * likeness;
+            static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * similarity;
     }
 
 private:
