@@ -1,5 +1,4 @@
 // tvsgs-bench: stage timings, and agreement with stored results; one class per subcommand.
-#include "apps/bench/stability.h"
 #include "apps/bench/stages.h"
 #include "apps/bench/train.h"
 #include "apps/bench/vote.h"
@@ -14,14 +13,10 @@ int command(int argc, char** argv) {
     const VoteBench vote(app);
     const StagesBench stages(app);
     TrainBench train(app);
-    const StabilityBench stability(app);
     parse_command_line(app, argc, argv);
     init_log(vote.quiet() || stages.quiet() || train.quiet() ? Verbosity::quiet
                                                              : Verbosity::normal);
-    return vote.parsed()        ? vote.run()
-           : stages.parsed()    ? stages.run()
-           : stability.parsed() ? stability.run()
-                                : train.run();
+    return vote.parsed() ? vote.run() : stages.parsed() ? stages.run() : train.run();
 }
 
 }  // namespace

@@ -153,8 +153,7 @@ TEST_F(UserFiles, NoCommandHarmsThem) {
           "eval run --device cpu --model home/run",
           "eval table --runs home/run --out home/table.md",
           "eval table --runs home/run --out home/thesis.md",
-          "bench vote --device cpu --synthetic 300 --out home/scores.json",
-          "bench stability --device cpu --json home/notes.txt --plot home/plot.svg"})
+          "bench vote --device cpu --synthetic 300 --out home/scores.json"})
         commands.push_back(more);
 
     // As it ends by itself, interrupted, and on a disk where a file gets 4 KiB at most.

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "apps/bench/stability_measure.h"
+#include "stability/measure.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -1,8 +1,8 @@
 // Rows of the stability suite: whitening, votes, eigenpairs.
 #pragma once
 
-#include "apps/bench/stability_row.h"
 #include "core/math/eigen.h"
+#include "stability/row.h"
 #include "tv/vote_math.h"
 
 namespace tvsgs::stability {

@@ -1,11 +1,11 @@
 // The list of rows.
 #pragma once
 
-#include "apps/bench/stability_adam.h"
-#include "apps/bench/stability_geometry.h"
-#include "apps/bench/stability_render.h"
-#include "apps/bench/stability_sweep.h"
-#include "apps/bench/stability_tv.h"
+#include "stability/rows_adam.h"
+#include "stability/rows_geometry.h"
+#include "stability/rows_render.h"
+#include "stability/rows_tv.h"
+#include "stability/sweep.h"
 
 namespace tvsgs::stability {
 

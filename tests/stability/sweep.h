@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "apps/bench/stability_measure.h"
-#include "apps/bench/stability_row.h"
 #include "core/device/parallel.h"
+#include "stability/measure.h"
+#include "stability/row.h"
 
 namespace tvsgs::stability {
 

@@ -2,11 +2,11 @@
 // origin.
 #pragma once
 
-#include "apps/bench/stability_render.h"
-#include "apps/bench/stability_row.h"
 #include "mesh/fuse/tsdf_math.h"
 #include "optim/losses/multiview_math.h"
 #include "render/depth/normal_math.h"
+#include "stability/row.h"
+#include "stability/rows_render.h"
 
 namespace tvsgs::stability {
 

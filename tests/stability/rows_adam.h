@@ -1,8 +1,8 @@
 // Rows of the stability suite: Adam.
 #pragma once
 
-#include "apps/bench/stability_row.h"
 #include "optim/optimiser/adam.h"
+#include "stability/row.h"
 
 namespace tvsgs::stability {
 

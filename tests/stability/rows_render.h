@@ -1,9 +1,9 @@
 // Rows of the stability suite: projection, blending and their backward passes.
 #pragma once
 
-#include "apps/bench/stability_row.h"
 #include "render/photometric/ssim_math.h"
 #include "render/tiles/blend_math.h"
+#include "stability/row.h"
 
 namespace tvsgs::stability {
 

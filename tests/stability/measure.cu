@@ -1,4 +1,4 @@
-#include "apps/bench/stability_rows.h"
+#include "stability/rows.h"
 
 namespace tvsgs {
 

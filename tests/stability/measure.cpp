@@ -1,8 +1,8 @@
-#include "apps/bench/stability_measure.h"
+#include "stability/measure.h"
 
 #include <algorithm>
 
-#include "apps/bench/stability_rows.h"
+#include "stability/rows.h"
 
 namespace tvsgs {
 
