@@ -59,10 +59,10 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
     flags.add_scene("Scene (default: that of the run)");
     const char* group = "Volume";
-    flags.add("--method", "mesh.method", "tsdf or tetrahedra: what makes the surface [tsdf]",
+    flags.add("--method", "mesh.method",
+              "what makes the surface: tsdf, tetrahedra, or watertight, which also closes what no "
+              "view sees [tsdf]",
               group);
-    flags.add_switch("--watertight", "mesh.watertight",
-                     "a closed surface, behind what no view sees, too", group);
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",

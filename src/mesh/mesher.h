@@ -49,6 +49,9 @@ public:
 
     /// Its surfaces are rough, by the noise of what is fused, and worth smoothing.
     virtual bool is_rough() const { return false; }
+
+    /// Its surfaces are closed and bounded; the caller leaves out what would open or extend them.
+    virtual bool is_closed() const { return false; }
 };
 
 }  // namespace tvsgs

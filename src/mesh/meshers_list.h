@@ -30,19 +30,14 @@ struct MesherOptions {
     }
 };
 
-/// visit(type, name, its options) for each mesher.
+/// visit(type, name, arguments of its constructor) for each mesher.
 template <class Device, class Visit>
 void visit_meshers(const MesherOptions& o, const Visit& visit) {
     using std::type_identity;
     visit(type_identity<TsdfMesher<Device>>{}, "tsdf", o.tsdf);
     visit(type_identity<TetrahedraMesher<Device>>{}, "tetrahedra", o.tetrahedra);
-}
-
-/// The one for meshes that have to be closed, which has no name: it is not a choice among equals.
-template <class Device>
-std::unique_ptr<Mesher<Device>> make_watertight_mesher(const MesherOptions& options) {
-    return std::make_unique<WatertightMesher<Device>>(options.tsdf.voxel_size,
-                                                      options.tsdf.resolution);
+    visit(type_identity<WatertightMesher<Device>>{}, "watertight", o.tsdf.voxel_size,
+          o.tsdf.resolution);
 }
 
 template <class Device>
@@ -64,7 +59,8 @@ void add_mesher(const std::string& name, MakeMesher<Device> make) {
 template <class Device>
 void require_mesher(const std::string& name) {
     std::vector<std::string> known;
-    visit_meshers<Device>({}, [&](auto, const char* ours, const auto&) { known.push_back(ours); });
+    visit_meshers<Device>({},
+                          [&](auto, const char* ours, const auto&...) { known.push_back(ours); });
     for (const auto& [added, make] : added_meshers<Device>()) known.push_back(added);
     std::string all;
     for (const std::string& one : known) {
@@ -86,8 +82,8 @@ std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const Meshe
         return added->second();
     std::unique_ptr<Mesher<Device>> made;
     visit_meshers<Device>(
-        options, [&]<class Kind>(std::type_identity<Kind>, const char* ours, const auto& of) {
-            if (ours == name) made = std::make_unique<Kind>(of);
+        options, [&]<class Kind>(std::type_identity<Kind>, const char* ours, const auto&... of) {
+            if (ours == name) made = std::make_unique<Kind>(of...);
         });
     return made;
 }

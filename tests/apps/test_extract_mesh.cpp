@@ -286,7 +286,7 @@ std::size_t loose_edges(const PlyGeometry& mesh) {
 }
 
 TEST_F(ExtractMesh, WatertightWhateverFollows) {
-    const std::string flags = "--watertight --bbox=-1,-1,-0.3,1,1,1 --no-preview ";
+    const std::string flags = "--method watertight --bbox=-1,-1,-0.3,1,1,1 --no-preview ";
     std::size_t all = 0;
     for (const std::string more : {"", "--error 0.5", "--faces 300 --memory 60M"})
         for (const std::string out : {"closed.ply", "closed.glb", "closed.obj"}) {
@@ -365,17 +365,16 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     const Result webp = extract("--texture-format webp", "refused.obj");
     EXPECT_EQ(webp.code, 2) << webp;
     EXPECT_TRUE(webp.says("read OBJ take no WebP")) << webp;
-    expect_refused("--method tsfd", 2,
-                   "mesh.method = 'tsfd': expected one of tsdf, tetrahedra; did you mean 'tsdf'?");
+    expect_refused(
+        "--method tsfd", 2,
+        "mesh.method = 'tsfd': expected one of tsdf, tetrahedra, watertight; did you mean 'tsdf'?");
     expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");
     expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "lies in the image of a view");
     expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
-    expect_refused("--watertight --method tetrahedra", 2, "leave --method tetrahedra out");
-    expect_refused("--watertight --method tetrahedra", 2, "pass --method tsdf");
-    expect_refused("--watertight --memory 2K", 4, "raise --memory");
-    expect_refused("--watertight --bbox=5,5,5,6,6,6", 7, "none of the depth pixels passed");
-    expect_refused("--watertight --memory 100K", 4, "raise --memory");
-    expect_refused("--watertight --voxel-size 1e-9", 3, "too far out for voxels of 1e-09");
+    expect_refused("--method watertight --memory 2K", 4, "raise --memory");
+    expect_refused("--method watertight --bbox=5,5,5,6,6,6", 7, "none of the depth pixels passed");
+    expect_refused("--method watertight --memory 100K", 4, "raise --memory");
+    expect_refused("--method watertight --voxel-size 1e-9", 3, "too far out for voxels of 1e-09");
     expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");
     expect_refused("--unbounded --set mesh.radius=-1", 2, "mesh.radius");
     MeshOptions late;
@@ -402,7 +401,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         OptionTable table;
         table.add("mesh", mesh);
         // As the configuration of a run may have it, by its plan or by its user.
-        mesh.unbounded = mesh.watertight = true, mesh.max_scale_px = 16;
+        mesh.method = "watertight", mesh.unbounded = true, mesh.max_scale_px = 16;
         table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
         EXPECT_EQ(mesh.meshers.tsdf.voxel_size, row.voxel_size);
         EXPECT_EQ(mesh.meshers.tsdf.truncation, row.truncation);
@@ -419,7 +418,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.simplify.faces, 0);
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.evidence);
-        EXPECT_FALSE(mesh.unbounded || mesh.watertight);
+        EXPECT_EQ(mesh.method, "tsdf");
         EXPECT_EQ(mesh.max_scale_px, 0);
         EXPECT_EQ(mesh.holes, 0);
         EXPECT_EQ(mesh.smooth, 0);

@@ -115,13 +115,13 @@ TEST(Mending, IsTheOptionsChoice) {
     EXPECT_TRUE(empty.faces.empty());
 }
 
-TEST(Mending, SmoothsUnlessClosedOrToldNotTo) {
+TEST(Mending, SmoothsUnlessToldNotTo) {
     TriangleMesh rough = sheet(0, 0, 0, 0.4, 20);
     for (std::size_t v = 0; v < rough.vertices.size(); v += 3) rough.vertices[v].z += 0.004f;
-    const auto moved = [&](float smooth, bool watertight) {
+    const auto moved = [&](float smooth) {
         TriangleMesh mesh = rough;
         MeshOptions options;
-        options.holes = 0, options.smooth = smooth, options.watertight = watertight;
+        options.holes = 0, options.smooth = smooth;
         detail::mend_mesh(mesh, kCameras, options, {}, spdlog::level::debug);
         EXPECT_EQ(mesh.faces.size(), rough.faces.size());
         std::size_t count = 0;
@@ -129,9 +129,8 @@ TEST(Mending, SmoothsUnlessClosedOrToldNotTo) {
             count += mesh.vertices[v].z != rough.vertices[v].z;
         return count;
     };
-    EXPECT_EQ(moved(MeshOptions{}.smooth, false), 19u * 19u);
-    EXPECT_EQ(moved(0, false), 0u);
-    EXPECT_EQ(moved(1, true), 0u);
+    EXPECT_EQ(moved(MeshOptions{}.smooth), 19u * 19u);
+    EXPECT_EQ(moved(0), 0u);
 }
 
 }  // namespace

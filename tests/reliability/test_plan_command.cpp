@@ -103,9 +103,8 @@ TEST_F(PlanCommand, WhatTheUserSetsStays) {
                       "/configs/pgsr_sparse.json");
     EXPECT_NE(unplanned.out.find("is not planned"), std::string::npos) << unplanned.out;
     EXPECT_EQ(call("train", "--scene scene --resume nothing --plan").code, 2);
-    const Result mesh = call("train",
-                             "--scene scene --device cpu --plan --set mesh.method=tetrahedra --set "
-                             "mesh.watertight=true");
+    const Result mesh =
+        call("train", "--scene scene --device cpu --plan --set mesh.method=tetrahedron");
     EXPECT_EQ(mesh.code, 2) << "what the next command would refuse: " << mesh;
 }
 

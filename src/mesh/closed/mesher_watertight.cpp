@@ -36,7 +36,7 @@ ExtractedMesh close_surface(const ViewPoints& points,
         found.why_empty =
             str("the ", oriented.size(),
                 " points that views are sure of close no surface; give more views, or "
-                "leave it open (without --watertight)");
+                "an open surface (--method tsdf)");
         return found;
     }
     const std::vector<Vec3f> colors = points.colors();

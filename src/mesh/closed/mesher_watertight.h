@@ -34,6 +34,8 @@ public:
     WatertightMesher(float given_size, int resolution)
         : given_size_(given_size), resolution_(resolution) {}
 
+    bool is_closed() const override { return true; }
+
     ExtractedMesh extract(const MesherInputs<Device>& in) override {
         const EvidenceSource evidence = evidence_of(in.depth);
         const std::int64_t max_bytes = detail::bytes_for_closing(in.max_bytes);

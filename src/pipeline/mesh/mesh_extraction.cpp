@@ -18,6 +18,10 @@ constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the me
 
 }  // namespace
 
+bool MeshOptions::meshes_background() const {
+    return unbounded && !make_mesher<Cpu>(method, meshers)->is_closed();
+}
+
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
     DepthRules rules;
     rules.depth_max = options.depth_max, rules.alpha_min = options.alpha_min;
@@ -36,12 +40,6 @@ DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
 void check_mesh_options(const MeshOptions& options) {
     make_mesher<Cpu>(options.method, options.meshers);
     depth_rules(options);
-    if (options.watertight && options.method != MeshOptions{}.method)
-        throw Error(ExitCode::usage,
-                    str("--watertight makes a surface of its own: leave --method ", options.method,
-                        " out, or --watertight; where the run's configuration sets mesh.method, "
-                        "pass --method ",
-                        MeshOptions{}.method));
     if (!options.memory.empty()) parse_bytes("--memory", options.memory);
 }
 
@@ -106,8 +104,7 @@ void mend_mesh(TriangleMesh& mesh,
                const MeshOptions& options,
                const EvidenceSource& evidence,
                spdlog::level::level_enum level) {
-    if (mesh.faces.empty() || options.watertight || !(options.holes > 0 || options.smooth > 0))
-        return;
+    if (mesh.faces.empty() || !(options.holes > 0 || options.smooth > 0)) return;
     const SoundReport sound = make_sound(mesh);
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
         spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",

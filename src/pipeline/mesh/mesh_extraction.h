@@ -25,18 +25,16 @@ struct MeshOptions {
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
           max_scale_px = 0, holes = 20, smooth = 0.5f;
     int clusters = 0;
-    bool masks = true, unbounded = false, evidence = true, watertight = false;
+    bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
 
     /// A watertight mesh ignores `unbounded`.
-    bool meshes_background() const { return unbounded && !watertight; }
+    bool meshes_background() const;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("method", method, "what makes the surface of the splats: tsdf, tetrahedra");
-        field("watertight", watertight,
-              "a closed surface instead, behind what no view sees, too; its nodes are as far apart "
-              "as voxels");
+        field("method", method,
+              "what makes the surface of the splats: tsdf, tetrahedra, watertight");
         meshers.fields(field);
         simplify.fields(field);
         field("depth_max", depth_max, {0, 1e9},
@@ -138,8 +136,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
                           Vec3d origin = {},
                           std::string* why_empty = nullptr) {
     const auto backbone = make_backbone<Device>(train.backbone, train.render);
-    const auto mesher = options.watertight ? make_watertight_mesher<Device>(options.meshers)
-                                           : make_mesher<Device>(options.method, options.meshers);
+    const auto mesher = make_mesher<Device>(options.method, options.meshers);
     Gaussians<Device> small;
     std::string too_large;
     if (options.max_scale_px > 0) {
@@ -166,10 +163,10 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const std::vector<Camera> cameras = detail::cameras_of(views);
     MeshOptions mending = options;
     if (!mesher->is_rough()) mending.smooth = 0;
-    detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
+    if (!mesher->is_closed()) detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
     const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
-    if (options.evidence || options.watertight) count_views(found.mesh, evidence);
+    if (options.evidence || mesher->is_closed()) count_views(found.mesh, evidence);
     const std::string& why = !too_large.empty()        ? too_large
                              : found.why_empty.empty() ? emptied
                                                        : found.why_empty;
