@@ -102,7 +102,7 @@ int merge(const MergeArguments& a) {
         table.json(JsonValue().add("version", kVersion).add("merged_from", manifest.folder)));
     write_text_file(run.path() + "/cameras.json", cameras);
     write_sky(run.path(), options.train.loss.photometric);
-    const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
+    const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->traits.flat;
     run.save_splats(whole, manifest.iterations, manifest.origin,
                     flat ? PlyScales::two : PlyScales::three);
     run.log(JsonValue()

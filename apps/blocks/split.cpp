@@ -253,7 +253,7 @@ int split_scene(SplitArguments a, bool quiet) {
 
     // 3. The files; the manifest last.
     const PlyScales scales =
-        make_backbone<Cpu>(of_coarse.train.backbone, of_coarse.train.render)->flat()
+        make_backbone<Cpu>(of_coarse.train.backbone, of_coarse.train.render)->traits.flat
             ? PlyScales::two
             : PlyScales::three;
     const std::string base = table.json(JsonValue().add("version", kVersion).add("coarse", run));

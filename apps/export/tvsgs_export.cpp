@@ -176,7 +176,7 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
                     str("--spz-sh-bits ", a.sh_bits, ": expected two numbers from 1 to 8, as 5,4"));
     out.spz_sh_bits_1 = static_cast<int>(bits[0]), out.spz_sh_bits_rest = static_cast<int>(bits[1]);
     out.antialiased =
-        make_backbone<Cpu>(options.train.backbone, options.train.render)->fades_thin_splats();
+        make_backbone<Cpu>(options.train.backbone, options.train.render)->traits.fades_thin_splats;
     return out;
 }
 

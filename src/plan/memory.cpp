@@ -188,7 +188,7 @@ MemoryPlan estimate_memory(const Scene& scene,
                        parameters = geometry + 4 * 3 * sh_count(o.model.sh_degree);
     // A fused step wants in memory what terms give without the image alone.
     const std::int64_t fixed = scene.fixed_splats ? scene.fixed_splats->size() : 0;
-    const bool compact = make_backbone<Cpu>(o.backbone, o.render)->fuses(),
+    const bool compact = make_backbone<Cpu>(o.backbone, o.render)->traits.fuses,
                fuses = compact && fixed == 0;
     const std::int64_t gradients = !fuses ? parameters : needs.splat_gradients ? geometry : 0;
     const std::int64_t renders = 1 + needs.rendered_views;

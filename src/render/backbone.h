@@ -139,25 +139,26 @@ struct BlendWork {
     std::int64_t sums = 0;           // draws by several lanes, whose gradients must be summed
 };
 
+/// Constants of a rasteriser.
+struct BackboneTraits {
+    Maps maps = Maps::color | kGeometryMaps;  // that forward() supports
+    bool flat = false;               // splats are discs: training must not change their third scale
+    bool fades_thin_splats = false;  // below a pixel, so that no loss should flatten splats
+    float low_pass_px2 = 0;          // added to the covariances of ellipses; viewers need it
+    bool fuses = false;              // implements blend_backward()
+    bool moves_cameras = false;      // implements add_camera_gradient()
+};
+
 struct FusedGradients;  // fused_gradients.h
 
 /// A rasteriser of one device. The training calls forward(), then backward(), in turn.
 template <class Device>
 class Backbone {
 public:
+    const BackboneTraits traits;
+
+    explicit Backbone(const BackboneTraits& of = {}) : traits(of) {}
     virtual ~Backbone() = default;
-
-    /// The maps that forward() supports.
-    virtual Maps maps() const { return Maps::color | kGeometryMaps; }
-
-    /// True if splats are discs: training must not change their third scale, along the normal.
-    virtual bool flat() const { return false; }
-
-    /// Low-pass added to the covariances of ellipses in the image, px^2. Viewers need it.
-    virtual float low_pass_px2() const { return 0; }
-
-    /// True if splats thinner than a pixel become fainter, so that no loss should flatten them.
-    virtual bool fades_thin_splats() const { return false; }
 
     /// Called before the first step of a training (`step` is 0) and after each step. Updates the
     /// data beside the parameters (Gaussians::filter). `changed`: the step added, removed or
@@ -182,20 +183,14 @@ public:
                           const ImageGradients<Device>& dL_dimages,
                           Gaussians<Device>& dL_dgaussians) = 0;
 
-    /// True if blend_backward() is implemented. Adam's step then needs no gradients of parameters
-    /// in memory.
-    virtual bool fuses() const { return false; }
-
     /// First half of backward(): sums over pixels for each splat. The second half, a SplatVjp,
-    /// computes the gradients of the parameters and writes statistics(); Adam's step calls it.
-    /// Valid until the next call of any method; null unless fuses().
+    /// computes the gradients of the parameters and writes statistics(); Adam's step calls it, and
+    /// then needs no gradients in memory. Valid until the next call of any method; null unless
+    /// traits.fuses.
     virtual const FusedGradients* blend_backward(const Gaussians<Device>& /*gaussians*/,
                                                  const ImageGradients<Device>& /*dL_dimages*/) {
         return nullptr;
     }
-
-    /// True if add_camera_gradient() is implemented.
-    virtual bool moves_cameras() const { return false; }
 
     /// Adds dL/d of the camera of the last forward() to `sum`, the kCameraNumbers numbers of a
     /// CameraGradient on the device. Overwrites results of backward(), so call backward() after it.

@@ -5,7 +5,8 @@ namespace tvsgs {
 std::string backbones_of(bool flat) {
     std::string names;
     for (const auto& entry : kBackbones<Cpu>)
-        if (entry.make({})->flat() == flat) names += str(names.empty() ? "" : ", ", entry.name);
+        if (entry.make({})->traits.flat == flat)
+            names += str(names.empty() ? "" : ", ", entry.name);
     return names;
 }
 

@@ -245,9 +245,9 @@ private:
                      packed.of_degree, ", to keep this page within its size."));
         about.set("name", run.name);
         about.set("splats", count);
-        about.set("discs", backbone->flat() ? 1.0 : 0.0);
+        about.set("discs", backbone->traits.flat ? 1.0 : 0.0);
         about.set("near", run.train.render.near);
-        about.set("low_pass", backbone->low_pass_px2());
+        about.set("low_pass", backbone->traits.low_pass_px2);
         about.set("least_alpha", kMinAlpha);
         if (count > 0) {
             data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
@@ -266,7 +266,7 @@ private:
                 runs_.size() > 1 ? str("<span>", escaped(run.name), "</span>") : "", "</div>\n");
         rows_.push_back(
             {run.name, grouped(count), std::to_string(packed.shown.sh_degree),
-             backbone->flat() ? "discs" : "ellipsoids",
+             backbone->traits.flat ? "discs" : "ellipsoids",
              run.mesh.faces.empty() ? "none" : grouped(run.mesh.faces.size()) + " triangles",
              run.truth ? "known" : "not given"});
     }

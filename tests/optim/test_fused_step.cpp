@@ -52,7 +52,7 @@ std::vector<Drawn> all_drawn() {
     std::istringstream names(backbones_of(true) + ", " + backbones_of(false));
     for (std::string name; names >> name;) {
         if (name.back() == ',') name.pop_back();
-        const Maps maps = make_backbone<Cpu>(name, {})->maps();
+        const Maps maps = make_backbone<Cpu>(name, {})->traits.maps;
         all.push_back({name, SurfaceDepth::automatic, Maps::color});
         for (const SurfaceDepth depth :
              {SurfaceDepth::plane, SurfaceDepth::expected, SurfaceDepth::median})
@@ -198,7 +198,7 @@ TEST(FusedStep, SplatsOutOfViewGoOnByTheirMoments) {
 
 TEST(FusedStep, TheThicknessOfADiscHasNoGradient) {
     for (const Drawn& drawn : all_drawn()) {
-        if (!make_backbone<Cpu>(drawn.backbone, {})->flat()) continue;
+        if (!make_backbone<Cpu>(drawn.backbone, {})->traits.flat) continue;
         const Stepped stepped = step_views<Cpu>(Way::fused, 3, drawn, false);
         for (std::size_t i = 0; i < 120; ++i)
             EXPECT_EQ(stepped.m.log_scales[i].z, 0) << text(drawn) << ", " << i;

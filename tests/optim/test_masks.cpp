@@ -178,7 +178,7 @@ TEST(Transmittance, DerivativesOfEachRasteriser) {
         for (const Maps maps : {Maps::color, Maps::color | kGeometryMaps}) {
             Gaussians<Cpu> g = test::random_gaussians(25, 4, 0.2, 0);
             const auto backbone = make_backbone<Cpu>(name, {});
-            ASSERT_TRUE(has(backbone->maps(), Maps::coverage)) << name;
+            ASSERT_TRUE(has(backbone->traits.maps, Maps::coverage)) << name;
             backbone->prepare(0, true, {camera}, g);
             const auto value = [&] {
                 double sum = 0;

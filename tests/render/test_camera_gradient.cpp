@@ -142,7 +142,7 @@ std::vector<double> gradient_of(const std::string& name,
     Gaussians<Device> g;
     copy(splats, g);
     auto backbone = make_backbone<Device>(name, {});
-    EXPECT_TRUE(backbone->moves_cameras());
+    EXPECT_TRUE(backbone->traits.moves_cameras);
     backbone->forward(g, camera, 3, maps);
     Buffer<double, Device> sum;
     copy(std::vector<double>(kCameraNumbers, 0), sum);

@@ -140,8 +140,8 @@ TEST(Rade, ColoursAloneAreTheSameColours) {
     const auto& images = backbone->forward(g, camera, 3, Maps::color);
     EXPECT_TRUE(images.normal.empty() && images.depth.empty() && images.expected_depth.empty());
     for (std::size_t p = 0; p < all.size(); ++p) EXPECT_EQ(norm(images.color[p] - all[p]), 0);
-    EXPECT_FALSE(has(backbone->maps(), Maps::distortion));
-    EXPECT_TRUE(has(backbone->maps(), Maps::expected_depth));
+    EXPECT_FALSE(has(backbone->traits.maps, Maps::distortion));
+    EXPECT_TRUE(has(backbone->traits.maps, Maps::expected_depth));
 }
 
 class RadeBackward : public testing::TestWithParam<SurfaceDepth> {};

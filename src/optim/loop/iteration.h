@@ -60,7 +60,7 @@ public:
           model_(options.model),
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
-        check_cameras(options, backbone_->moves_cameras());
+        check_cameras(options, backbone_->traits.moves_cameras);
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
@@ -200,7 +200,7 @@ public:
 
 private:
     /// Fixed splats need gradients in memory, to separate them from those of trained splats.
-    bool fuses() const { return fixed_.none() && backbone_->fuses(); }
+    bool fuses() const { return fixed_.none() && backbone_->traits.fuses; }
 
     /// Derivatives of the first term: reads what it has written so far, before other terms write.
     void find_camera_gradient(const Gaussians<Device>& gaussians, Span<double> by_camera) {

@@ -328,7 +328,7 @@ bool are_thin(const Gaussians<Cpu>& splats) {
 Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train) {
     PlyScales scales;
     Gaussians<Cpu> splats = read_splat_ply(file, origin, &scales);
-    const bool flat = make_backbone<Cpu>(train.backbone, train.render)->flat();
+    const bool flat = make_backbone<Cpu>(train.backbone, train.render)->traits.flat;
     if (!flat && scales == PlyScales::two)
         throw Error(ExitCode::input,
                     str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",

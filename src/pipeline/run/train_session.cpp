@@ -104,7 +104,7 @@ void TrainSession<Device>::run() {
     copy(trained, splats);
     warn_of_few(splats.size());
     const bool discs = in_.options.output.ply_scales == OutputOptions::Scales::automatic &&
-                       make_backbone<Cpu>(training_.backbone, training_.render)->flat();
+                       make_backbone<Cpu>(training_.backbone, training_.render)->traits.flat;
     live_.finish();
     run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
     if (refined_) save_refined_cameras();

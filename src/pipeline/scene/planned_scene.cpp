@@ -26,9 +26,10 @@ TrainOptions options_of(const char* config) {
 /// Leaves out what makes splats thin where the rasteriser has no use for it.
 void plan_thickness(const TrainOptions& options, RunPlan& plan) {
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
-    const char* const why = backbone->flat()                ? "the splats are flat"
-                            : backbone->fades_thin_splats() ? "the rasteriser fades thin splats"
-                                                            : nullptr;
+    const char* const why = backbone->traits.flat ? "the splats are flat"
+                            : backbone->traits.fades_thin_splats
+                                ? "the rasteriser fades thin splats"
+                                : nullptr;
     for (const TermOnList& term : terms_on_list(options.loss))
         if (why != nullptr && term.needs.thickness && term.weight > 0)
             plan.apply({str(term.key, " loss"),
@@ -122,11 +123,11 @@ void check_consistency(const TrainOptions& options) {
                     "loss.tv_position.weight is above 0; "
                     "set both weights to 0, or tv.enabled to true");
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
-    check_cameras(options, backbone->moves_cameras());
+    check_cameras(options, backbone->traits.moves_cameras);
     for (const TermOnList& term : terms_on_list(options.loss)) {
         if (!(term.weight > 0)) continue;
-        const std::string lacks = names_of(without(term.needs.maps, backbone->maps()));
-        if (term.needs.thickness && backbone->flat())
+        const std::string lacks = names_of(without(term.needs.maps, backbone->traits.maps));
+        if (term.needs.thickness && backbone->traits.flat)
             throw Error(ExitCode::usage,
                         str("loss.", term.key, ".weight is above 0, but the splats of backbone '",
                             options.backbone,

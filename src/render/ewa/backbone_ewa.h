@@ -35,10 +35,13 @@ struct PlaneOfDepthBody {
 template <class Device>
 class EwaBackbone final : public TiledBackbone<Device> {
 public:
-    explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
+    static constexpr BackboneTraits kTraits{.maps = Maps::color | kGeometryMaps | Maps::coverage,
+                                            .low_pass_px2 = kLowPassPx2,
+                                            .fuses = true,
+                                            .moves_cameras = true};
 
-    float low_pass_px2() const override { return kLowPassPx2; }
-    Maps maps() const override { return Maps::color | kGeometryMaps | Maps::coverage; }
+    explicit EwaBackbone(const BackboneOptions& options)
+        : TiledBackbone<Device>(kTraits), options_(options) {}
 
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,

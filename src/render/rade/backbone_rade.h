@@ -40,13 +40,14 @@ struct SmoothingFilterBody {
 template <class Device>
 class RadeBackbone final : public TiledBackbone<Device> {
 public:
-    explicit RadeBackbone(const BackboneOptions& options) : options_(options) {}
+    static constexpr BackboneTraits kTraits{
+        .maps = Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage,
+        .fades_thin_splats = true,
+        .fuses = true,
+        .moves_cameras = true};
 
-    bool fades_thin_splats() const override { return true; }
-
-    Maps maps() const override {
-        return Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage;
-    }
+    explicit RadeBackbone(const BackboneOptions& options)
+        : TiledBackbone<Device>(kTraits), options_(options) {}
 
     /// Computes the filter at the beginning, after splats were added or removed, and every 100
     /// steps after growth has ended, at the published iterations for any length of the run.

@@ -22,13 +22,14 @@ struct ThinBody {
 template <class Device>
 class SurfelBackbone final : public TiledBackbone<Device> {
 public:
-    explicit SurfelBackbone(const BackboneOptions& options) : options_(options) {}
+    static constexpr BackboneTraits kTraits{
+        .maps = Maps::color | kGeometryMaps | Maps::distortion | Maps::coverage,
+        .flat = true,
+        .fuses = true,
+        .moves_cameras = true};
 
-    Maps maps() const override {
-        return Maps::color | kGeometryMaps | Maps::distortion | Maps::coverage;
-    }
-
-    bool flat() const override { return true; }
+    explicit SurfelBackbone(const BackboneOptions& options)
+        : TiledBackbone<Device>(kTraits), options_(options) {}
 
     void prepare(int, bool, const std::vector<Camera>&, Gaussians<Device>& g) override {
         parallel_for(Device{}, g.size(), ThinBody{g.log_scales.span()});

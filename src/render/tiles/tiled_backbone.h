@@ -11,7 +11,7 @@ namespace tvsgs {
 template <class Device>
 class TiledBackbone : public Backbone<Device> {
 public:
-    bool fuses() const final { return true; }
+    using Backbone<Device>::Backbone;
 
     void backward(const Gaussians<Device>& g,
                   const ImageGradients<Device>& dL_dimages,
@@ -32,8 +32,6 @@ public:
     void observe(const Gaussians<Device>& g) final {
         write_statistics(Device{}, *this->blend_backward(g, {}));
     }
-
-    bool moves_cameras() const final { return true; }
 
     void add_camera_gradient(const Gaussians<Device>& g,
                              const ImageGradients<Device>& dL_dimages,
