@@ -1,6 +1,5 @@
-// A loss of one's own, as small as can be, from the public interfaces alone: the mean squared
-// distance of the render's brightness from a map that comes with the view.
-// docs/develop/add-a-loss.md
+// An example of a loss: the mean squared distance between the render's brightness and a map of the
+// view. docs/develop/add-a-loss.md
 #pragma once
 
 #include "core/device/parallel.h"
@@ -31,7 +30,6 @@ public:
 
     explicit BrightnessLoss(const ScheduledOptions& options) : options_(options) {}
 
-    const char* name() const override { return "brightness"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 

@@ -26,8 +26,8 @@ struct AnchoredResult {
 template <class Device>
 AnchoredResult evaluate(const AnchoredCase& c, std::size_t resume_before = 1000) {
     const auto make = [&] {
-        return std::make_unique<AnchoredDepthLoss<Device>>(c.options, c.length_unit, 2,
-                                                           PixelCenter::exact);
+        return std::make_unique<AnchoredDepthLoss<Device>>(
+            c.options, LossContext{.length_unit = c.length_unit, .views = 2});
     };
     auto loss = make();
     Gaussians<Device> gaussians;

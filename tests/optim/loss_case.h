@@ -91,7 +91,9 @@ LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1) {
 
 template <class Device>
 LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduction) {
-    ScheduledOptions options{weight, 1};
+    const ScheduledOptions options{weight, 1};
+    LossContext context;
+    context.shared.tv_reduction = reduction;
     std::unique_ptr<Loss<Device>> loss;
     switch (term) {
         case Term::flatten:
@@ -102,20 +104,20 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
             break;
         case Term::normal_consistency:
             loss = std::make_unique<NormalConsistencyLoss<Device>>(
-                NormalConsistencyOptions{.weight = weight, .start = 1});
+                NormalConsistencyOptions{{weight, 1}});
             break;
         case Term::two_depths:
-            loss = std::make_unique<NormalConsistencyLoss<Device>>(NormalConsistencyOptions{
-                .weight = weight, .expected = 0.4f, .by_coverage = false, .start = 1});
+            loss = std::make_unique<NormalConsistencyLoss<Device>>(
+                NormalConsistencyOptions{{weight, 1}, 0.4f, false});
             break;
         case Term::distortion:
-            loss = std::make_unique<DistortionLoss<Device>>(options, 3.0f);
+            loss = std::make_unique<DistortionLoss<Device>>(options, LossContext{.length_unit = 3});
             break;
         case Term::tv_normal:
-            loss = std::make_unique<TvLoss<Device, false>>(options, reduction);
+            loss = std::make_unique<TvLoss<Device, false>>(options, context);
             break;
         case Term::tv_position:
-            loss = std::make_unique<TvLoss<Device, true>>(options, reduction);
+            loss = std::make_unique<TvLoss<Device, true>>(options, context);
             break;
     }
     return evaluate(c, *loss);

@@ -23,7 +23,7 @@ struct MaskResult {
 
 template <class Device>
 MaskResult evaluate_masks(const MaskCase& c) {
-    PhotometricLoss<Device> loss(c.options, 1, 7);
+    PhotometricLoss<Device> loss(c.options, {.seed = 7});
     const Gaussians<Device> gaussians;
     RenderedImages<Device> images;
     images.width = c.width, images.height = c.height;

@@ -119,11 +119,13 @@ DeviceView<Device> upload_view(const ViewMaps& v, int index) {
 template <class Device>
 MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, int terms = 1) {
     const ScheduledOptions options{weight, 1};
+    LossContext context{.seed = 5, .pixel_center = c.pixel_center};
+    context.shared.multi_view.samples = c.samples;
     std::unique_ptr<Loss<Device>> loss;
     if (geometry)
         loss = std::make_unique<MultiViewGeometryLoss<Device>>(options);
     else
-        loss = std::make_unique<MultiViewNccLoss<Device>>(options, c.samples, 5, c.pixel_center);
+        loss = std::make_unique<MultiViewNccLoss<Device>>(options, context);
 
     Gaussians<Device> gaussians;
     resize(gaussians, 1, 0);
@@ -186,7 +188,7 @@ ExposureResult evaluate_exposure(const ExposureCase& c, int steps) {
     options.ssim = c.ssim;
     options.exposure = true;
     options.exposure_start = 1;
-    PhotometricLoss<Device> loss(options, c.views, 0);
+    PhotometricLoss<Device> loss(options, {.views = c.views});
     Gaussians<Device> gaussians;
     RenderedImages<Device> images;
     images.width = c.width, images.height = c.height;

@@ -346,7 +346,7 @@ TEST(LossList, WeightsChooseTheTerms) {
     options.tv_position.start = 10;
     const auto losses = make_losses<Cpu>(options, {});
     ASSERT_EQ(losses.size(), 5u);
-    EXPECT_STREQ(losses[1]->name(), "flatten");
+    EXPECT_EQ(losses[1]->key, "flatten");
     EXPECT_FALSE(losses[4]->active(9));
     EXPECT_TRUE(losses[4]->active(10));
     EXPECT_TRUE(has(losses[2]->needs().maps, Maps::depth));
@@ -356,8 +356,8 @@ TEST(LossList, WeightsChooseTheTerms) {
 TEST(LossList, HasATermForAllOptions) {
     LossOptions options;
     std::vector<std::string> keys;
-    LossOptions::terms(options, [&](const char* key, auto& term, const char*) {
-        keys.push_back(key);
+    LossOptions::terms(options, [&]<class Entry>(auto& term) {
+        keys.push_back(Entry::kKey);
         term.weight = 1;
     });
     const auto list = terms_on_list(options);
@@ -366,7 +366,7 @@ TEST(LossList, HasATermForAllOptions) {
     ASSERT_EQ(losses.size(), keys.size());
     for (std::size_t i = 0; i < keys.size(); ++i) {
         EXPECT_EQ(list[i].key, keys[i]);
-        EXPECT_EQ(losses[i]->name(), keys[i]);
+        EXPECT_EQ(losses[i]->key, keys[i]);
     }
     EXPECT_TRUE(needs_of(options).grey);
     options.multi_view_ncc.weight = options.features.weight = options.anchored_depth.weight = 0;

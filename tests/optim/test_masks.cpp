@@ -164,7 +164,7 @@ TEST(Background, IsNamedOrThreeNumbers) {
         EXPECT_THROW(parse_background(bad), Error) << bad;
     PhotometricOptions options;
     options.background = "random", options.masks = MaskUse::ignore;
-    EXPECT_THROW(PhotometricLoss<Cpu>(options, 1, 0), Error);
+    EXPECT_THROW(PhotometricLoss<Cpu>{options}, Error);
 }
 
 /// Weight of a pixel in the sum of w T.

@@ -296,7 +296,7 @@ TEST(PriorDepthLoss, ValueAndGradient) {
 }
 
 TEST(PriorDepthLoss, FallsTowardsItsEnd) {
-    PriorDepthOptions o{.weight = 2, .last_share = 0.01f, .start = 100, .end = 300};
+    PriorDepthOptions o{{2, 100}, 0.01f, 300};
     const PriorDepthLoss<Cpu> falls(o);
     EXPECT_FALSE(falls.active(99));
     EXPECT_TRUE(falls.active(100));

@@ -29,7 +29,7 @@ AnchoredCase plane_case() {
     AnchoredCase c;
     c.reference = test::plane_view(0, 1, 0, 2);
     c.other = test::plane_view(0.2f, 2, 0, 2);
-    c.options = {.weight = kWeight, .start = 1000, .refresh_every = 500};
+    c.options = {{kWeight, 1000}};
     c.steps = {1000};
     for (const float d : c.reference.depth) c.order.push_back((d - 0.3f) / 1.7f);
     for (int at = 0; at < kPixels; ++at)
@@ -173,7 +173,7 @@ TEST(AnchoredDepthLoss, TargetsStayUntilTheyAreDue) {
 
 TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
     for (const int views : {1, 3, 20, 700}) {
-        AnchoredDepthLoss<Cpu> loss({.weight = 1}, 1, views, PixelCenter::exact);
+        AnchoredDepthLoss<Cpu> loss({{1, 1000}}, {.views = views});
         ViewSampler sampler(views, 7);
         std::set<std::pair<int, int>> rounds;  // of a view
         const Gaussians<Cpu> gaussians;
@@ -204,7 +204,7 @@ TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
 }
 
 TEST(AnchoredDepthLoss, FewerAnchorsCorrectAsTimeGoesOn) {
-    const AnchoredDepthLoss<Cpu> loss({.weight = 1}, 1, 1, PixelCenter::exact);
+    const AnchoredDepthLoss<Cpu> loss({{1, 1000}});
     for (const auto& [step, count] :
          {std::pair(1000, 4), {1499, 4}, {1500, 3}, {2000, 2}, {2500, 1}, {9000, 1}})
         EXPECT_EQ(loss.nearest_at(step), count) << step;

@@ -27,9 +27,9 @@ void visit_schedule(Options& o, const Visit& visit) {
     visit("iterations", o.iterations, Counts::at);
     visit("model.sh_every", o.model.sh_every, Counts::between);
     visit("lr.position_max_steps", o.lr.position_max_steps, Counts::at);
-    LossOptions::terms(o.loss, [&](const char* term, auto& options, const char*) {
+    LossOptions::terms(o.loss, [&]<class Entry>(auto& options) {
         options.first_iterations(options, [&](const char* key, auto& number) {
-            visit(str("loss.", term, ".", key), number, Counts::at);
+            visit(str("loss.", Entry::kKey, ".", key), number, Counts::at);
         });
     });
     visit("cameras.start", o.cameras.start, Counts::at);

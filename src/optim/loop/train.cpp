@@ -1,5 +1,4 @@
 #include "optim/loop/train_loop.h"
-#include "optim/losses/losses_list.h"
 
 namespace tvsgs {
 
@@ -43,11 +42,9 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {
     std::vector<TermOnList> list;
-    visit_losses<Cpu>(options, {},
-                      [&]<class Term>(std::type_identity<Term>, const char* key, const auto& of,
-                                      const auto&... more) {
-                          list.push_back({key, of.weight, Term(of, more...).needs()});
-                      });
+    LossOptions::terms(options, [&]<class Entry>(const auto& of) {
+        list.push_back({Entry::kKey, of.weight, typename Entry::template Term<Cpu>(of).needs()});
+    });
     list.insert(list.end(), added_terms().begin(), added_terms().end());
     return list;
 }

@@ -1,5 +1,4 @@
 #include "optim/loop/train_loop.h"
-#include "optim/losses/losses_list.h"
 
 namespace tvsgs {
 

@@ -13,7 +13,7 @@
 #include "optim/growth/densify.h"
 #include "optim/growth/init.h"
 #include "optim/loop/train_guard.h"
-#include "optim/losses/loss.h"
+#include "optim/losses/losses_list.h"
 #include "optim/optimiser/adam.h"
 #include "optim/optimiser/camera_refinement.h"
 

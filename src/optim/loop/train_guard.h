@@ -141,10 +141,10 @@ public:
         const std::vector<double> counts = to_host(counts_);
         Fault fault;
         if (loss.step != 0)
-            fault.what = str("iteration ", loss.step, ": the loss term '",
-                             losses[static_cast<std::size_t>(loss.term)]->name(),
-                             "' is not finite in view '",
-                             views[static_cast<std::size_t>(loss.view)].name, "'");
+            fault.what =
+                str("iteration ", loss.step, ": the loss term '",
+                    losses[static_cast<std::size_t>(loss.term)]->key, "' is not finite in view '",
+                    views[static_cast<std::size_t>(loss.view)].name, "'");
         for (int i = 0; i < kParameterGroups; ++i) {
             if (counts[static_cast<std::size_t>(i)] == 0) continue;
             const auto group = static_cast<ParameterGroup>(i);

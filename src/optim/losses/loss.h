@@ -11,8 +11,6 @@
 #include "core/device/parallel.h"
 #include "core/options.h"
 #include "core/scene/state.h"
-#include "optim/losses/depth_prior_options.h"
-#include "optim/photo/photo_background.h"
 #include "optim/views/device_view.h"
 #include "optim/views/neighbour_views.h"
 #include "render/backbone.h"
@@ -52,7 +50,7 @@ struct LossNeeds {
     MapNames view_maps{};          // DeviceView::map(); a view may lack them
     bool targets = false;          // TensorField::targets
     bool splat_gradients = false;  // writes to Objective::dL_dgaussians, which has geometry only
-    bool thickness = false;        // the splats must have one; see Backbone::flat()
+    bool thickness = false;        // the splats must have one; see BackboneTraits::flat
     int kept_per_pixel = 0;        // floats that the term stores per pixel of each view
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
@@ -76,7 +74,7 @@ class Loss {
 public:
     virtual ~Loss() = default;
 
-    virtual const char* name() const = 0;
+    std::string key;  // in the list; make_losses() sets it
 
     /// Whether the term acts at `step`; add_to() is only called then.
     virtual bool active(int step) const = 0;
@@ -117,46 +115,6 @@ enum class Reduction { mean, sum, visible_mean };
 /// in millimetres would get other weights than one in metres.
 enum class LengthUnit { world, depth };
 
-struct PhotometricOptions {
-    float weight = 1, ssim = 0.2f;
-    bool exposure = false;
-    int exposure_start = 1001;
-    MaskUse masks = MaskUse::automatic;
-    float coverage = 0.1f;
-    std::string background = "none", exposure_from, sky_from;
-    std::shared_ptr<const HeldExposures> held{};  // contents of exposure_from, once read
-    std::shared_ptr<const ImageU8> sky{};         // map of a sky background, once made
-
-    template <class Visitor>
-    void fields(Visitor& field) {
-        field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
-        field("ssim", ssim, {0, 1}, "share of the SSIM term");
-        field("exposure", exposure,
-              "fit a brightness and an offset per photograph in the L1 term, PGSR");
-        field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
-        field("exposure_from", exposure_from,
-              "finished run whose fitted exposures are held, from the first iteration on, instead "
-              "of fitting others: so that parts of a scene agree in their colours");
-        field.choice("masks", masks, {"auto", "object", "ignore", "none"},
-                     "object: nothing is outside of the masks; ignore: what is outside is not "
-                     "looked at; auto: the plan decides, without one as none");
-        field("coverage", coverage, {0, 1e6},
-              "of what splats cover outside of object masks, as the weight of L1 and SSIM");
-        field(
-            "background", background,
-            "what lies behind the splats, and outside of object masks: black, white, R,G,B from 0 "
-            "to 255, random (with object masks only), sky: colours by direction, made of the "
-            "photographs; none: black, and outside of object masks nothing is compared");
-        field("sky_from", sky_from,
-              "finished run whose sky is taken, instead of making one: so that parts of a scene "
-              "have the same");
-    }
-    template <class Options, class Visit>
-    static void first_iterations(Options& o, const Visit& visit) {
-        visit("exposure_start", o.exposure_start);
-    }
-};
-
 /// Options of terms that need only a weight and a first iteration.
 struct ScheduledOptions {
     float weight = 0;
@@ -173,75 +131,14 @@ struct ScheduledOptions {
     }
 };
 
-struct NormalConsistencyOptions {
-    float weight = 0, expected = 0;
-    bool by_coverage = true;
-    int start = 7001;
-
-    template <class Visitor>
-    void fields(Visitor& field) {
-        field("weight", weight, {0, 1e6}, "0 switches the term off");
-        field("start", start, {1, 1e9}, "first iteration");
-        field("expected", expected, {0, 1},
-              "share of the normals of the mean depth; the rest: those of render.depth");
-        field("by_coverage", by_coverage,
-              "the depth map's normals count by the coverage of their pixels (2DGS), or fully");
-    }
-    template <class Options, class Visit>
-    static void first_iterations(Options& o, const Visit& visit) {
-        visit("start", o.start);
-    }
-};
-
-struct LossOptions {
-    PhotometricOptions photometric;
-    ScheduledOptions flatten;
-    ScheduledOptions normal{0, 7001}, distortion{0, 3001};
-    NormalConsistencyOptions normal_consistency;
-    ScheduledOptions multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
+/// Options that several terms share.
+struct SharedLossOptions {
     ViewPairOptions multi_view;
-    ScheduledOptions depth_rank, depth_smooth, features;
-    RelativeDepthOptions relative_depth;
-    PriorNormalOptions prior_normal;
-    PriorDepthOptions prior_depth;
-    AnchoredDepthOptions anchored_depth;
-    ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
 
-    /// All terms: visit(key, options, help text). losses_list.h lists their classes and needs.
-    template <class Options, class Visit>
-    static void terms(Options& o, const Visit& visit) {
-        visit("photometric", o.photometric, "render against photograph");
-        visit("flatten", o.flatten, "smallest scale of each visible splat, PGSR");
-        visit("normal", o.normal,
-              "blended normals against normals of the depth map, PGSR single view");
-        visit("normal_consistency", o.normal_consistency,
-              "directions of blended normals against those of the depth map, 2DGS");
-        visit("distortion", o.distortion, "depths that a pixel blends against each other, 2DGS");
-        visit("multi_view_geometry", o.multi_view_geometry,
-              "depth maps of two views against each other, PGSR");
-        visit("multi_view_ncc", o.multi_view_ncc,
-              "patches of photographs against those of another view, PGSR");
-        visit("depth_rank", o.depth_rank,
-              "which of two pixels is farther, by the render and by a prior, FatesGS");
-        visit("depth_smooth", o.depth_smooth, "smooth depth where a prior is smooth, FatesGS");
-        visit("features", o.features,
-              "descriptors of photographs where two views see one surface, FatesGS");
-        visit("relative_depth", o.relative_depth,
-              "which of two pixels is farther, by the render and by a prior, VGGS");
-        visit("prior_normal", o.prior_normal, "normals of the depth map against a prior's, VGGS");
-        visit("prior_depth", o.prior_depth, "depth against a prior in world units");
-        visit("anchored_depth", o.anchored_depth,
-              "depth against a prior that is fitted to pixels that views agree on, VGGS");
-        visit("tv_normal", o.tv_normal, "splat normals against voted normals");
-        visit("tv_position", o.tv_position, "splat centres against voted positions");
-    }
-
     template <class Visitor>
     void fields(Visitor& field) {
-        terms(*this,
-              [&](const char* key, auto& term, const char* what) { field.group(key, term, what); });
         field.group("multi_view", multi_view,
                     "which views are paired, for the terms that compare views");
         field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
@@ -258,6 +155,7 @@ struct LossContext {
     int views = 1;          // number of training views
     std::uint64_t seed = 0;
     PixelCenter pixel_center = PixelCenter::exact;
+    SharedLossOptions shared{};
 };
 
 /// A term of the list, in use or not.
@@ -266,7 +164,6 @@ struct TermOnList {
     float weight;
     LossNeeds needs;
 };
-std::vector<TermOnList> terms_on_list(const LossOptions& options);
 
 /// Adds a term, defined by a program that links this library, to every training that starts
 /// afterwards. losses_list.h has the library's own terms.
@@ -274,13 +171,5 @@ template <class Device>
 using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
 template <class Device>
 void add_loss(const TermOnList& term, MakeLoss<Device> make);
-
-/// Union of the needs of all terms with a weight above 0, over all iterations.
-LossNeeds needs_of(const LossOptions& options);
-
-/// Makes the terms with a weight above 0.
-template <class Device>
-std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
-                                                       const LossContext& context);
 
 }  // namespace tvsgs

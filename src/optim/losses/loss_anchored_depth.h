@@ -13,6 +13,22 @@
 
 namespace tvsgs {
 
+struct AnchoredDepthOptions : ScheduledOptions {
+    float anchor_confidence = 0, min_confidence = 0;
+    int refresh_every = 500;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        ScheduledOptions::fields(field);
+        field("refresh_every", refresh_every, {1, 1e9},
+              "iterations after which a view's target is made anew");
+        field("anchor_confidence", anchor_confidence, {0, 1},
+              "of the prior; pixels at or below are no anchors");
+        field("min_confidence", min_confidence, {0, 1},
+              "of the prior; pixels at or below are not compared");
+    }
+};
+
 /// exp(-e) (1 + NCC^2) / 2: agreement of both views on a pixel's depth; e is the pixel's
 /// reprojection distance in px. 0 where the views cannot be compared, where the patches differ or
 /// leave a photograph, and where the prior must not be fitted.
@@ -89,17 +105,13 @@ public:
                                       .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence},
                                       .kept_per_pixel = 1};
 
-    AnchoredDepthLoss(const AnchoredDepthOptions& options,
-                      float length_unit,
-                      int views,
-                      PixelCenter pixel_center)
+    explicit AnchoredDepthLoss(const AnchoredDepthOptions& options, const LossContext& context = {})
         : options_(options),
-          length_unit_(length_unit),
-          pixel_center_(pixel_center),
-          made_(static_cast<std::size_t>(views)),
-          targets_(static_cast<std::size_t>(views)) {}
+          length_unit_(context.length_unit),
+          pixel_center_(context.pixel_center),
+          made_(static_cast<std::size_t>(context.views)),
+          targets_(static_cast<std::size_t>(context.views)) {}
 
-    const char* name() const override { return "anchored_depth"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
     LossNeeds needs_at(int step, int view) const override {
@@ -214,6 +226,16 @@ private:
     std::vector<Made> made_;                      // per view
     std::vector<Buffer<float, Device>> targets_;  // per view
     Buffer<float, Device> confidence_, pixel_loss_;
+};
+
+struct AnchoredDepthEntry {
+    AnchoredDepthOptions anchored_depth{{0, 1000}};
+    static constexpr const char* kKey = "anchored_depth";
+    static constexpr const char* kMeaning =
+        "depth against a prior that is fitted to pixels that views agree on, VGGS";
+    static constexpr auto kOptions = &AnchoredDepthEntry::anchored_depth;
+    template <class Device>
+    using Term = AnchoredDepthLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -46,11 +46,9 @@ public:
     static constexpr LossNeeds kNeeds{
         .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
 
-    /// `length_unit`: world units that count as 1.
-    DepthRankLoss(const ScheduledOptions& options, float length_unit, std::uint64_t seed)
-        : options_(options), length_unit_(length_unit), seed_(seed) {}
+    explicit DepthRankLoss(const ScheduledOptions& options, const LossContext& context = {})
+        : options_(options), length_unit_(context.length_unit), seed_(context.seed) {}
 
-    const char* name() const override { return "depth_rank"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -85,6 +83,16 @@ private:
     float length_unit_;
     std::uint64_t seed_;
     Buffer<float, Device> pair_loss_;
+};
+
+struct DepthRankEntry {
+    ScheduledOptions depth_rank;
+    static constexpr const char* kKey = "depth_rank";
+    static constexpr const char* kMeaning =
+        "which of two pixels is farther, by the render and by a prior, FatesGS";
+    static constexpr auto kOptions = &DepthRankEntry::depth_rank;
+    template <class Device>
+    using Term = DepthRankLoss<Device>;
 };
 
 }  // namespace tvsgs

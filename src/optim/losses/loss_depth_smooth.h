@@ -57,11 +57,9 @@ public:
     static constexpr LossNeeds kNeeds{
         .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
 
-    /// `length_unit`: world units that count as 1.
-    DepthSmoothLoss(const ScheduledOptions& options, float length_unit)
-        : options_(options), length_unit_(length_unit) {}
+    explicit DepthSmoothLoss(const ScheduledOptions& options, const LossContext& context = {})
+        : options_(options), length_unit_(context.length_unit) {}
 
-    const char* name() const override { return "depth_smooth"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -89,6 +87,15 @@ private:
     ScheduledOptions options_;
     float length_unit_;
     Buffer<float, Device> pixel_loss_;
+};
+
+struct DepthSmoothEntry {
+    ScheduledOptions depth_smooth;
+    static constexpr const char* kKey = "depth_smooth";
+    static constexpr const char* kMeaning = "smooth depth where a prior is smooth, FatesGS";
+    static constexpr auto kOptions = &DepthSmoothEntry::depth_smooth;
+    template <class Device>
+    using Term = DepthSmoothLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -17,13 +17,12 @@ class DistortionLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{.maps = Maps::distortion};
 
-    /// `length_unit`: world units that count as 1. The map is in squared disparities.
-    explicit DistortionLoss(const ScheduledOptions& options, float length_unit = 1)
+    /// The map is in squared disparities.
+    explicit DistortionLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options) {
-        options_.weight *= length_unit * length_unit;
+        options_.weight *= context.length_unit * context.length_unit;
     }
 
-    const char* name() const override { return "distortion"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -40,6 +39,15 @@ public:
 
 private:
     ScheduledOptions options_;
+};
+
+struct DistortionEntry {
+    ScheduledOptions distortion{0, 3001};
+    static constexpr const char* kKey = "distortion";
+    static constexpr const char* kMeaning = "depths that a pixel blends against each other, 2DGS";
+    static constexpr auto kOptions = &DistortionEntry::distortion;
+    template <class Device>
+    using Term = DistortionLoss<Device>;
 };
 
 }  // namespace tvsgs

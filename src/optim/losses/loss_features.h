@@ -104,9 +104,9 @@ public:
         .other_views = 2,
         .view_maps = {prior_map::kFeatures, prior_map::kCoarseFeatures}};
 
-    explicit FeatureLoss(const ScheduledOptions& options) : options_(options) {}
+    explicit FeatureLoss(const ScheduledOptions& options, const LossContext& = {})
+        : options_(options) {}
 
-    const char* name() const override { return "features"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -173,6 +173,16 @@ private:
     ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<std::int64_t, Device> nearest_;
+};
+
+struct FeatureEntry {
+    ScheduledOptions features;
+    static constexpr const char* kKey = "features";
+    static constexpr const char* kMeaning =
+        "descriptors of photographs where two views see one surface, FatesGS";
+    static constexpr auto kOptions = &FeatureEntry::features;
+    template <class Device>
+    using Term = FeatureLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -40,13 +40,11 @@ class FlattenLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{.splat_gradients = true, .thickness = true};
 
-    /// `length_unit`: world units that count as 1.
-    explicit FlattenLoss(const ScheduledOptions& options, float length_unit = 1)
+    explicit FlattenLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options) {
-        options_.weight /= length_unit;
+        options_.weight /= context.length_unit;
     }
 
-    const char* name() const override { return "flatten"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -67,6 +65,15 @@ public:
 
 private:
     ScheduledOptions options_;
+};
+
+struct FlattenEntry {
+    ScheduledOptions flatten;
+    static constexpr const char* kKey = "flatten";
+    static constexpr const char* kMeaning = "smallest scale of each visible splat, PGSR";
+    static constexpr auto kOptions = &FlattenEntry::flatten;
+    template <class Device>
+    using Term = FlattenLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -43,9 +43,9 @@ public:
     static constexpr LossNeeds kNeeds{
         .maps = kGeometryMaps, .other_views = 1, .rendered_views = 1, .splat_gradients = true};
 
-    explicit MultiViewGeometryLoss(const ScheduledOptions& options) : options_(options) {}
+    explicit MultiViewGeometryLoss(const ScheduledOptions& options, const LossContext& = {})
+        : options_(options) {}
 
-    const char* name() const override { return "multi_view_geometry"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -71,6 +71,15 @@ public:
 private:
     ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
+};
+
+struct MultiViewGeometryEntry {
+    ScheduledOptions multi_view_geometry{0, 7001};
+    static constexpr const char* kKey = "multi_view_geometry";
+    static constexpr const char* kMeaning = "depth maps of two views against each other, PGSR";
+    static constexpr auto kOptions = &MultiViewGeometryEntry::multi_view_geometry;
+    template <class Device>
+    using Term = MultiViewGeometryLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -94,13 +94,12 @@ public:
                                       .grey = true,
                                       .splat_gradients = true};
 
-    MultiViewNccLoss(const ScheduledOptions& options,
-                     int samples,
-                     std::uint64_t seed,
-                     PixelCenter pixel_center)
-        : options_(options), samples_(samples), seed_(seed), pixel_center_(pixel_center) {}
+    explicit MultiViewNccLoss(const ScheduledOptions& options, const LossContext& context = {})
+        : options_(options),
+          samples_(context.shared.multi_view.samples),
+          seed_(context.seed),
+          pixel_center_(context.pixel_center) {}
 
-    const char* name() const override { return "multi_view_ncc"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -144,6 +143,16 @@ private:
     Buffer<int, Device> place_, pixels_;
     Buffer<std::uint8_t, Device> scratch_;
     Buffer<PatchTerm, Device> terms_;
+};
+
+struct MultiViewNccEntry {
+    ScheduledOptions multi_view_ncc{0, 7001};
+    static constexpr const char* kKey = "multi_view_ncc";
+    static constexpr const char* kMeaning =
+        "patches of photographs against those of another view, PGSR";
+    static constexpr auto kOptions = &MultiViewNccEntry::multi_view_ncc;
+    template <class Device>
+    using Term = MultiViewNccLoss<Device>;
 };
 
 }  // namespace tvsgs

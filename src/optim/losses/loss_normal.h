@@ -46,9 +46,9 @@ class NormalLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{.maps = kGeometryMaps, .edges = true};
 
-    explicit NormalLoss(const ScheduledOptions& options) : options_(options) {}
+    explicit NormalLoss(const ScheduledOptions& options, const LossContext& = {})
+        : options_(options) {}
 
-    const char* name() const override { return "normal"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -77,6 +77,16 @@ private:
     ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<DepthNormalGradients<float>, Device> neighbours_;
+};
+
+struct NormalEntry {
+    ScheduledOptions normal{0, 7001};
+    static constexpr const char* kKey = "normal";
+    static constexpr const char* kMeaning =
+        "blended normals against normals of the depth map, PGSR single view";
+    static constexpr auto kOptions = &NormalEntry::normal;
+    template <class Device>
+    using Term = NormalLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -6,6 +6,20 @@
 
 namespace tvsgs {
 
+struct NormalConsistencyOptions : ScheduledOptions {
+    float expected = 0;
+    bool by_coverage = true;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        ScheduledOptions::fields(field);
+        field("expected", expected, {0, 1},
+              "share of the normals of the mean depth; the rest: those of render.depth");
+        field("by_coverage", by_coverage,
+              "the depth map's normals count by the coverage of their pixels (2DGS), or fully");
+    }
+};
+
 /// weight * (1 - M_n . N) of a pixel; N is 0 where the depth map has no normal.
 struct NormalConsistencyBody {
     Camera camera;
@@ -35,9 +49,9 @@ struct NormalConsistencyBody {
 template <class Device>
 class NormalConsistencyLoss final : public Loss<Device> {
 public:
-    explicit NormalConsistencyLoss(const NormalConsistencyOptions& options) : options_(options) {}
+    explicit NormalConsistencyLoss(const NormalConsistencyOptions& options, const LossContext& = {})
+        : options_(options) {}
 
-    const char* name() const override { return "normal_consistency"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override {
         LossNeeds needs{.maps = Maps::normal};
@@ -82,6 +96,16 @@ private:
     NormalConsistencyOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<DepthNormalGradients<float>, Device> neighbours_;
+};
+
+struct NormalConsistencyEntry {
+    NormalConsistencyOptions normal_consistency{{0, 7001}};
+    static constexpr const char* kKey = "normal_consistency";
+    static constexpr const char* kMeaning =
+        "directions of blended normals against those of the depth map, 2DGS";
+    static constexpr auto kOptions = &NormalConsistencyEntry::normal_consistency;
+    template <class Device>
+    using Term = NormalConsistencyLoss<Device>;
 };
 
 }  // namespace tvsgs

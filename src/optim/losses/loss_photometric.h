@@ -10,22 +10,62 @@
 
 namespace tvsgs {
 
+struct PhotometricOptions {
+    float weight = 1, ssim = 0.2f;
+    bool exposure = false;
+    int exposure_start = 1001;
+    MaskUse masks = MaskUse::automatic;
+    float coverage = 0.1f;
+    std::string background = "none", exposure_from, sky_from;
+    std::shared_ptr<const HeldExposures> held{};  // contents of exposure_from, once read
+    std::shared_ptr<const ImageU8> sky{};         // map of a sky background, once made
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
+        field("ssim", ssim, {0, 1}, "share of the SSIM term");
+        field("exposure", exposure,
+              "fit a brightness and an offset per photograph in the L1 term, PGSR");
+        field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
+        field("exposure_from", exposure_from,
+              "finished run whose fitted exposures are held, from the first iteration on, instead "
+              "of fitting others: so that parts of a scene agree in their colours");
+        field.choice("masks", masks, {"auto", "object", "ignore", "none"},
+                     "object: nothing is outside of the masks; ignore: what is outside is not "
+                     "looked at; auto: the plan decides, without one as none");
+        field("coverage", coverage, {0, 1e6},
+              "of what splats cover outside of object masks, as the weight of L1 and SSIM");
+        field(
+            "background", background,
+            "what lies behind the splats, and outside of object masks: black, white, R,G,B from 0 "
+            "to 255, random (with object masks only), sky: colours by direction, made of the "
+            "photographs; none: black, and outside of object masks nothing is compared");
+        field("sky_from", sky_from,
+              "finished run whose sky is taken, instead of making one: so that parts of a scene "
+              "have the same");
+    }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("exposure_start", o.exposure_start);
+    }
+};
+
 template <class Device>
 class PhotometricLoss final : public Loss<Device> {
 public:
-    PhotometricLoss(const PhotometricOptions& o, int views, std::uint64_t seed)
+    explicit PhotometricLoss(const PhotometricOptions& o, const LossContext& context = {})
         : weights_{o.weight * (1 - o.ssim), o.weight * o.ssim},
           exposure_start_(o.held       ? 1
                           : o.exposure ? o.exposure_start
                                        : 0),
-          views_(views),
+          views_(context.views),
           masks_(uses_masks(o.masks)),
           coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
           background_(parse_background(o.background)),
           fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none &&
                  background_.kind != PhotoBackground::Kind::sky),
           sky_(o.sky),
-          seed_(seed),
+          seed_(context.seed),
           exposure_(o.exposure, o.held.get()) {
         // The plan has not resolved `automatic` yet.
         if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
@@ -33,7 +73,6 @@ public:
             throw Error(ExitCode::usage, kRandomNeedsObject);
     }
 
-    const char* name() const override { return "photometric"; }
     bool active(int) const override { return true; }
     bool moves_cameras() const override { return true; }
     LossNeeds needs() const override {
@@ -145,6 +184,15 @@ private:
     MaskedPhoto by_{};
     Buffer<Vec3f, Device> color_, dL_dcolor_;
     Buffer<std::uint8_t, Device> photo_, sky_texels_;
+};
+
+struct PhotometricEntry {
+    PhotometricOptions photometric;
+    static constexpr const char* kKey = "photometric";
+    static constexpr const char* kMeaning = "render against photograph";
+    static constexpr auto kOptions = &PhotometricEntry::photometric;
+    template <class Device>
+    using Term = PhotometricLoss<Device>;
 };
 
 }  // namespace tvsgs

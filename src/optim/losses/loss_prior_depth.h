@@ -7,6 +7,24 @@
 
 namespace tvsgs {
 
+struct PriorDepthOptions : ScheduledOptions {
+    float last_share = 1;
+    int end = 0;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        ScheduledOptions::fields(field);
+        field("end", end, {0, 1e9}, "last iteration; 0: the term never ends");
+        field("last_share", last_share, {1e-6, 1},
+              "share of the weight that is left at `end`; it falls by the same factor each time");
+    }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        ScheduledOptions::first_iterations(o, visit);
+        visit("end", o.end);
+    }
+};
+
 struct PriorDepthBody {
     // Huber threshold of the relative error: about the error of stereo depth.
     static constexpr float kSoftness = 0.01f;
@@ -35,9 +53,9 @@ public:
     static constexpr LossNeeds kNeeds{.maps = Maps::depth,
                                       .view_maps = {prior_map::kDepth, prior_map::kConfidence}};
 
-    explicit PriorDepthLoss(const PriorDepthOptions& options) : options_(options) {}
+    explicit PriorDepthLoss(const PriorDepthOptions& options, const LossContext& = {})
+        : options_(options) {}
 
-    const char* name() const override { return "prior_depth"; }
     bool active(int step) const override {
         return step >= options_.start && (options_.end == 0 || step <= options_.end);
     }
@@ -71,6 +89,15 @@ public:
 private:
     PriorDepthOptions options_;
     Buffer<float, Device> pixel_loss_;
+};
+
+struct PriorDepthEntry {
+    PriorDepthOptions prior_depth;
+    static constexpr const char* kKey = "prior_depth";
+    static constexpr const char* kMeaning = "depth against a prior in world units";
+    static constexpr auto kOptions = &PriorDepthEntry::prior_depth;
+    template <class Device>
+    using Term = PriorDepthLoss<Device>;
 };
 
 }  // namespace tvsgs

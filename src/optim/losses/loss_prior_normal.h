@@ -7,6 +7,17 @@
 
 namespace tvsgs {
 
+struct PriorNormalOptions : ScheduledOptions {
+    bool by_confidence = true;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        ScheduledOptions::fields(field);
+        field("by_confidence", by_confidence,
+              "pixels count by the confidence of the prior, or alike where it is above 0");
+    }
+};
+
 /// weight * c A (1 - N . n): c the prior's confidence, A the coverage; 0 where depth or prior have
 /// no normal.
 struct PriorNormalBody {
@@ -40,9 +51,9 @@ public:
     static constexpr LossNeeds kNeeds{.maps = Maps::depth,
                                       .view_maps = {prior_map::kNormal, prior_map::kConfidence}};
 
-    explicit PriorNormalLoss(const PriorNormalOptions& options) : options_(options) {}
+    explicit PriorNormalLoss(const PriorNormalOptions& options, const LossContext& = {})
+        : options_(options) {}
 
-    const char* name() const override { return "prior_normal"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -72,6 +83,15 @@ private:
     PriorNormalOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<DepthNormalGradients<float>, Device> neighbours_;
+};
+
+struct PriorNormalEntry {
+    PriorNormalOptions prior_normal;
+    static constexpr const char* kKey = "prior_normal";
+    static constexpr const char* kMeaning = "normals of the depth map against a prior's, VGGS";
+    static constexpr auto kOptions = &PriorNormalEntry::prior_normal;
+    template <class Device>
+    using Term = PriorNormalLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -7,6 +7,19 @@
 
 namespace tvsgs {
 
+struct RelativeDepthOptions : ScheduledOptions {
+    float dead_zone = 0, min_confidence = 0;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        ScheduledOptions::fields(field);
+        field("dead_zone", dead_zone, {0, 1},
+              "pairs whose priors differ by less have no order, in the prior's range");
+        field("min_confidence", min_confidence, {0, 1},
+              "of the prior; pixels at or below are in no pair");
+    }
+};
+
 /// Pixel p is in two pairs: (p, p + shift) and (p - shift, p). Adds the cost of the first pair, and
 /// the derivatives of both by the depth of p.
 struct RelativeDepthBody {
@@ -53,10 +66,9 @@ public:
     static constexpr LossNeeds kNeeds{
         .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
 
-    RelativeDepthLoss(const RelativeDepthOptions& options, float length_unit, std::uint64_t seed)
-        : options_(options), length_unit_(length_unit), seed_(seed) {}
+    explicit RelativeDepthLoss(const RelativeDepthOptions& options, const LossContext& context = {})
+        : options_(options), length_unit_(context.length_unit), seed_(context.seed) {}
 
-    const char* name() const override { return "relative_depth"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -89,6 +101,16 @@ private:
     float length_unit_;
     std::uint64_t seed_;
     Buffer<float, Device> pixel_loss_;
+};
+
+struct RelativeDepthEntry {
+    RelativeDepthOptions relative_depth;
+    static constexpr const char* kKey = "relative_depth";
+    static constexpr const char* kMeaning =
+        "which of two pixels is farther, by the render and by a prior, VGGS";
+    static constexpr auto kOptions = &RelativeDepthEntry::relative_depth;
+    template <class Device>
+    using Term = RelativeDepthLoss<Device>;
 };
 
 }  // namespace tvsgs

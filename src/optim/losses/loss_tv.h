@@ -85,13 +85,11 @@ class TvLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{.targets = kPosition, .splat_gradients = true};
 
-    /// `length_unit`: world units that count as 1, for positions.
-    TvLoss(const ScheduledOptions& options, Reduction reduction, float length_unit = 1)
-        : options_(options), reduction_(reduction) {
-        options_.weight /= length_unit;
+    explicit TvLoss(const ScheduledOptions& options, const LossContext& context = {})
+        : options_(options), reduction_(context.shared.tv_reduction) {
+        if constexpr (kPosition) options_.weight /= context.length_unit;
     }
 
-    const char* name() const override { return kPosition ? "tv_position" : "tv_normal"; }
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
@@ -130,6 +128,24 @@ private:
     ScheduledOptions options_;
     Reduction reduction_;
     Buffer<float, Device> splat_loss_;
+};
+
+struct TvNormalEntry {
+    ScheduledOptions tv_normal;
+    static constexpr const char* kKey = "tv_normal";
+    static constexpr const char* kMeaning = "splat normals against voted normals";
+    static constexpr auto kOptions = &TvNormalEntry::tv_normal;
+    template <class Device>
+    using Term = TvLoss<Device, false>;
+};
+
+struct TvPositionEntry {
+    ScheduledOptions tv_position;
+    static constexpr const char* kKey = "tv_position";
+    static constexpr const char* kMeaning = "splat centres against voted positions";
+    static constexpr auto kOptions = &TvPositionEntry::tv_position;
+    template <class Device>
+    using Term = TvLoss<Device, true>;
 };
 
 }  // namespace tvsgs

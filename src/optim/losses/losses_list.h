@@ -1,10 +1,8 @@
-// List of losses; included by one file per device. To add a loss, write its file, add its options
-// to LossOptions::terms(), and a line here.
+// List of losses. To add a loss, write its file, and add an include and an entry here.
 #pragma once
 
 #include <map>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "optim/losses/loss_anchored_depth.h"
@@ -25,34 +23,45 @@
 
 namespace tvsgs {
 
-/// visit(type, key, constructor arguments...) for each term.
-template <class Device, class Visit>
-void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit) {
-    using std::type_identity;
-    visit(type_identity<PhotometricLoss<Device>>{}, "photometric", o.photometric, c.views, c.seed);
-    visit(type_identity<FlattenLoss<Device>>{}, "flatten", o.flatten, c.length_unit);
-    visit(type_identity<NormalLoss<Device>>{}, "normal", o.normal);
-    visit(type_identity<NormalConsistencyLoss<Device>>{}, "normal_consistency",
-          o.normal_consistency);
-    visit(type_identity<DistortionLoss<Device>>{}, "distortion", o.distortion, c.length_unit);
-    visit(type_identity<MultiViewGeometryLoss<Device>>{}, "multi_view_geometry",
-          o.multi_view_geometry);
-    visit(type_identity<MultiViewNccLoss<Device>>{}, "multi_view_ncc", o.multi_view_ncc,
-          o.multi_view.samples, c.seed, c.pixel_center);
-    visit(type_identity<DepthRankLoss<Device>>{}, "depth_rank", o.depth_rank, c.length_unit,
-          c.seed);
-    visit(type_identity<DepthSmoothLoss<Device>>{}, "depth_smooth", o.depth_smooth, c.length_unit);
-    visit(type_identity<FeatureLoss<Device>>{}, "features", o.features);
-    visit(type_identity<RelativeDepthLoss<Device>>{}, "relative_depth", o.relative_depth,
-          c.length_unit, c.seed);
-    visit(type_identity<PriorNormalLoss<Device>>{}, "prior_normal", o.prior_normal);
-    visit(type_identity<PriorDepthLoss<Device>>{}, "prior_depth", o.prior_depth);
-    visit(type_identity<AnchoredDepthLoss<Device>>{}, "anchored_depth", o.anchored_depth,
-          c.length_unit, c.views, c.pixel_center);
-    visit(type_identity<TvLoss<Device, false>>{}, "tv_normal", o.tv_normal, o.tv_reduction);
-    visit(type_identity<TvLoss<Device, true>>{}, "tv_position", o.tv_position, o.tv_reduction,
-          c.length_unit);
-}
+/// An entry holds the options of a loss, in a member that has the name of its key, and names the
+/// key, its meaning and the class.
+template <class... Entries>
+struct LossList : Entries..., SharedLossOptions {
+    /// visit<Entry>(options) for each term.
+    template <class Options, class Visit>
+    static void terms(Options& o, const Visit& visit) {
+        (visit.template operator()<Entries>(o.*Entries::kOptions), ...);
+    }
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        (field.group(Entries::kKey, this->*Entries::kOptions, Entries::kMeaning), ...);
+        SharedLossOptions::fields(field);
+    }
+};
+
+/// The list, in the order in which the terms are added.
+struct LossOptions : LossList<PhotometricEntry,
+                              FlattenEntry,
+                              NormalEntry,
+                              NormalConsistencyEntry,
+                              DistortionEntry,
+                              MultiViewGeometryEntry,
+                              MultiViewNccEntry,
+                              DepthRankEntry,
+                              DepthSmoothEntry,
+                              FeatureEntry,
+                              RelativeDepthEntry,
+                              PriorNormalEntry,
+                              PriorDepthEntry,
+                              AnchoredDepthEntry,
+                              TvNormalEntry,
+                              TvPositionEntry> {};
+
+std::vector<TermOnList> terms_on_list(const LossOptions& options);
+
+/// Union of the needs of all terms with a weight above 0, over all iterations.
+LossNeeds needs_of(const LossOptions& options);
 
 /// Terms added by the program, see add_loss().
 inline std::vector<TermOnList>& added_terms() {
@@ -73,18 +82,22 @@ void add_loss(const TermOnList& term, MakeLoss<Device> make) {
     added_losses<Device>()[term.key] = std::move(make);
 }
 
+/// The terms with a weight above 0. The shared options of `context` come from `options`.
 template <class Device>
 std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
-                                                       const LossContext& context) {
+                                                       LossContext context) {
+    context.shared = options;
     std::vector<std::unique_ptr<Loss<Device>>> losses;
-    visit_losses<Device>(options, context,
-                         [&]<class Term>(std::type_identity<Term>, const char*, const auto& of,
-                                         const auto&... more) {
-                             if (of.weight > 0)
-                                 losses.push_back(std::make_unique<Term>(of, more...));
-                         });
+    LossOptions::terms(options, [&]<class Entry>(const auto& of) {
+        if (!(of.weight > 0)) return;
+        losses.push_back(std::make_unique<typename Entry::template Term<Device>>(of, context));
+        losses.back()->key = Entry::kKey;
+    });
     for (const TermOnList& term : added_terms())
-        if (term.weight > 0) losses.push_back(added_losses<Device>().at(term.key)(context));
+        if (term.weight > 0) {
+            losses.push_back(added_losses<Device>().at(term.key)(context));
+            losses.back()->key = term.key;
+        }
     return losses;
 }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mvs/stereo/descriptors.h"
-#include "optim/losses/loss.h"
+#include "optim/losses/losses_list.h"
 
 namespace tvsgs {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "optim/losses/loss.h"
+#include "optim/losses/losses_list.h"
 
 namespace tvsgs {
 

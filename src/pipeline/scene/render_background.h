@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/error.h"
-#include "optim/losses/loss.h"
+#include "optim/losses/losses_list.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
