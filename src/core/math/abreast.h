@@ -9,8 +9,6 @@ namespace tvsgs {
 #if defined(__CUDACC__)
 template <class Lane, int kCount>
 struct Abreast;  // CPU only
-template <class Lane, int kCount>
-using Pairwise = Lane;  // a GPU hides the waits with other threads
 #else
 template <class Lane, int kCount>
 struct Abreast {
@@ -111,19 +109,6 @@ struct Abreast {
 };
 template <class Lane, int kCount>
 inline constexpr bool kIsDouble<Abreast<Lane, kCount>> = kIsDouble<Lane>;
-
-/// Type for loops over kCount packs: two packs side by side if kCount is even, else one.
-template <class Lane, int kCount>
-using Pairwise = std::conditional_t<kCount % 2 == 0, Abreast<Lane, 2>, Lane>;
 #endif
-
-/// Pack i of a Pairwise.
-template <class Lane, class Few>
-TVSGS_HD Lane& part_of(Few& few, [[maybe_unused]] int i) {
-    if constexpr (std::is_same_v<Few, Lane>)
-        return few;
-    else
-        return few.v[i];
-}
 
 }  // namespace tvsgs

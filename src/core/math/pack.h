@@ -53,7 +53,54 @@ inline constexpr bool kIsDouble = std::is_same_v<Real, double>;
 
 #if defined(__CUDACC__)
 template <class T, int kBytes = 16>
-struct Pack;  // CPU only
+struct Pack;  // CPU only, except for four floats
+/// Four registers of a GPU thread.
+template <>
+struct Pack<float, 16> {
+    float v[4];
+    TVSGS_HD float operator[](int i) const { return v[i]; }
+};
+
+namespace detail {
+template <class Operation>
+TVSGS_HD inline Pack<float> each_of_four(const Operation& operation) {
+    return {{operation(0), operation(1), operation(2), operation(3)}};
+}
+}  // namespace detail
+
+TVSGS_HD inline Pack<float> operator+(const Pack<float>& a, const Pack<float>& b) {
+    return detail::each_of_four([&](int i) { return a.v[i] + b.v[i]; });
+}
+TVSGS_HD inline Pack<float> operator-(const Pack<float>& a, const Pack<float>& b) {
+    return detail::each_of_four([&](int i) { return a.v[i] - b.v[i]; });
+}
+TVSGS_HD inline Pack<float> operator*(const Pack<float>& a, const Pack<float>& b) {
+    return detail::each_of_four([&](int i) { return a.v[i] * b.v[i]; });
+}
+TVSGS_HD inline Pack<float> operator+(float a, const Pack<float>& b) {
+    return detail::each_of_four([&](int i) { return a + b.v[i]; });
+}
+TVSGS_HD inline Pack<float> operator-(const Pack<float>& a, float b) {
+    return detail::each_of_four([&](int i) { return a.v[i] - b; });
+}
+TVSGS_HD inline Pack<float> operator*(const Pack<float>& a, float b) {
+    return detail::each_of_four([&](int i) { return a.v[i] * b; });
+}
+TVSGS_HD inline Pack<float> operator/(float a, const Pack<float>& b) {
+    return detail::each_of_four([&](int i) { return a / b.v[i]; });
+}
+TVSGS_HD inline Pack<float>& operator+=(Pack<float>& a, const Pack<float>& b) {
+    return a = a + b;
+}
+TVSGS_HD inline Pack<float> clamped(const Pack<float>& a, float low, float high) {
+    return detail::each_of_four([&](int i) {
+        return a.v[i] < low ? low : a.v[i] > high ? high : a.v[i];
+    });
+}
+TVSGS_HD inline Pack<float> truncated(const Pack<float>& a) {
+    return detail::each_of_four(
+        [&](int i) { return static_cast<float>(static_cast<int>(a.v[i])); });
+}
 #else
 namespace detail {
 // Operations for which GCC emits single instructions only in this form: otherwise 32 bytes pass
@@ -121,6 +168,7 @@ struct Pack {
     Pack(Values values) : v(values) {}
     template <class U>
     requires std::is_arithmetic_v<U> Pack(U x) : v(broadcast(static_cast<T>(x))) {}
+    Pack(T a, T b, T c, T d) : v{a, b, c, d} {}
 
     T operator[](int i) const {
         return v[i];
@@ -203,6 +251,13 @@ struct Pack {
     }
     friend Pack maximum(Pack a, Pack b) {
         return a.v > b.v ? a.v : b.v;
+    }
+    friend Pack clamped(Pack a, Pack low, Pack high) {
+        return minimum(maximum(a, low), high);
+    }
+    /// Rounds towards zero. The numbers must fit an int.
+    friend Pack truncated(Pack a) {
+        return __builtin_convertvector(__builtin_convertvector(a.v, Ints), Values);
     }
     friend Pack abs(Pack a) {
         return reinterpret_cast<Values>(reinterpret_cast<Ints>(a.v) &

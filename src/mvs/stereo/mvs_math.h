@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/device/buffer.h"
-#include "core/math/lanes.h"
+#include "core/math/pack.h"
 #include "core/scene/camera.h"
 
 namespace tvsgs {
@@ -71,6 +71,14 @@ TVSGS_HD inline float pixels_per_step(const PatchWarp& warp, const SourceView& s
     return std::sqrt(du * du + dv * dv);
 }
 
+TVSGS_HD inline Pack<float> four(float a, float b, float c, float d) {
+    const Pack<float> all = {a, b, c, d};
+    return all;
+}
+TVSGS_HD inline Pack<float> four_at(const float* p) {
+    return four(p[0], p[1], p[2], p[3]);
+}
+
 /// A grey image in [0, 1], row by row.
 struct GreyImage {
     const float* pixels = nullptr;
@@ -88,22 +96,22 @@ struct GreyImage {
     }
     /// Values at (u, v), counted from the centre of the first pixel.
     template <bool kClamp>
-    TVSGS_HD Lanes4 bilinear(Lanes4 u, Lanes4 v) const {
+    TVSGS_HD Pack<float> bilinear(Pack<float> u, Pack<float> v) const {
         if constexpr (kClamp) {
             u = clamped(u, 0, static_cast<float>(width) - 1.001f);
             v = clamped(v, 0, static_cast<float>(height) - 1.001f);
         }
-        const Lanes4 x = truncated(u), y = truncated(v), fx = u - x, fy = v - y;
-        const Lanes4 index = y * static_cast<float>(width) + x;  // exact below 2^24
+        const Pack<float> x = truncated(u), y = truncated(v), fx = u - x, fy = v - y;
+        const Pack<float> index = y * static_cast<float>(width) + x;  // exact below 2^24
         const float* p[4] = {
             pixels + static_cast<int>(index[0]), pixels + static_cast<int>(index[1]),
             pixels + static_cast<int>(index[2]), pixels + static_cast<int>(index[3])};
         const auto corner = [&](int offset) {
-            return lanes(p[0][offset], p[1][offset], p[2][offset], p[3][offset]);
+            return four(p[0][offset], p[1][offset], p[2][offset], p[3][offset]);
         };
-        const Lanes4 left = corner(0), below_left = corner(width);
-        const Lanes4 above = left + fx * (corner(1) - left);
-        const Lanes4 below = below_left + fx * (corner(width + 1) - below_left);
+        const Pack<float> left = corner(0), below_left = corner(width);
+        const Pack<float> above = left + fx * (corner(1) - left);
+        const Pack<float> below = below_left + fx * (corner(width + 1) - below_left);
         return above + fy * (below - above);
     }
 };
@@ -159,29 +167,30 @@ TVSGS_HD inline SourceSums sum_source(const ReferencePatch& patch,
                                       const PatchWarp& warp) {
     const float reach = static_cast<float>(patch.side - 1);
     const Vec3f step_x = 2 * warp.per_x, step_y = 2 * warp.per_y;
-    const Lanes4 lane_x = lanes(0, step_x.x, step_y.x, step_x.x + step_y.x);
-    const Lanes4 lane_y = lanes(0, step_x.y, step_y.y, step_x.y + step_y.y);
-    const Lanes4 lane_z = lanes(0, step_x.z, step_y.z, step_x.z + step_y.z);
-    Lanes4 value_sum{}, square_sum{}, product_sum{};
+    const Pack<float> lane_x = four(0, step_x.x, step_y.x, step_x.x + step_y.x);
+    const Pack<float> lane_y = four(0, step_x.y, step_y.y, step_x.y + step_y.y);
+    const Pack<float> lane_z = four(0, step_x.z, step_y.z, step_x.z + step_y.z);
+    Pack<float> value_sum{}, square_sum{}, product_sum{};
     Vec3f row = warp.at_centre - reach * (warp.per_x + warp.per_y);
     const float* weights = patch.weights;
     const float* weighted = patch.weighted;
     for (int j = 0; j < patch.side; j += 2) {
         Vec3f h = row;
         for (int i = 0; i < patch.side; i += 2, weights += 4, weighted += 4) {
-            const Lanes4 inverse_z = 1.0f / (h.z + lane_z);
-            const Lanes4 value = source.bilinear<kClamp>((h.x + lane_x) * inverse_z - 0.5f,
-                                                         (h.y + lane_y) * inverse_z - 0.5f) -
-                                 patch.mean;
-            const Lanes4 weighted_value = load_lanes(weights) * value;
+            const Pack<float> inverse_z = 1.0f / (h.z + lane_z);
+            const Pack<float> value = source.bilinear<kClamp>((h.x + lane_x) * inverse_z - 0.5f,
+                                                              (h.y + lane_y) * inverse_z - 0.5f) -
+                                      patch.mean;
+            const Pack<float> weighted_value = four_at(weights) * value;
             value_sum += weighted_value;
             square_sum += weighted_value * value;
-            product_sum += load_lanes(weighted) * value;
+            product_sum += four_at(weighted) * value;
             h += 2 * step_x;
         }
         row += 2 * step_y;
     }
-    return {sum_of(value_sum), sum_of(square_sum), sum_of(product_sum)};
+    const auto sum = [](const Pack<float>& a) { return (a[0] + a[1]) + (a[2] + a[3]); };
+    return {sum(value_sum), sum(square_sum), sum(product_sum)};
 }
 
 /// 1 - weighted correlation of the patch with its image in a source, in [0, 2]; 2 if the centre

@@ -45,7 +45,7 @@ struct VirtualBody {
             using Lane = typename Warp::template Lane<Real>;
             Lane T[6][2 * kSide] = {};
             add_votes<1>(warp, rank, mean, step, T);
-            using Few = Pairwise<Lane, 2>;  // several positions at once
+            using Few = Abreast<Lane, 2>;  // several positions at once
             for (int first = 0; first < 2 * kSide; first += Few::kSize) {
                 const int count = std::min<int>(Few::kSize, 2 * kSide - first);
                 Few entries[6];
@@ -97,7 +97,8 @@ private:
         const Warp& warp, int rank, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
         VoteRule rule = received.rule;
         rule.unit_length = kUnitVotes;  // compile-time constant
-        using Few = Pairwise<Lane, kCount>;
+        // On a CPU two packs side by side, which do not wait for each other.
+        using Few = std::conditional_t<kCount % 2 == 0, Abreast<Lane, 2>, Lane>;
         constexpr int kFew = sizeof(Few) / sizeof(Lane);
         const Vec3<Lane> from = vec_cast<Lane>(mean), by = vec_cast<Lane>(step);
         received.template for_each_voter<kStride>(warp, rank, [&](const VoterRecord<Lane>& voter) {
@@ -118,6 +119,15 @@ private:
                     for (int c = 0; c < 6; ++c) T[c][kFew * pair + i] += part_of<Lane>(sums[c], i);
             });
         });
+    }
+
+    /// Pack i of a Few.
+    template <class Lane, class Few>
+    TVSGS_HD static Lane& part_of(Few& few, [[maybe_unused]] int i) {
+        if constexpr (std::is_same_v<Few, Lane>)
+            return few;
+        else
+            return few.v[i];
     }
 
     /// The entries of a record that a vote needs besides d and dw.
