@@ -169,6 +169,17 @@ public:
                          const std::vector<Camera>& /*cameras*/,
                          Gaussians<Device>& /*gaussians*/) {}
 
+    /// Sets the share of the derivatives by colour and transmittance that moves, turns and scales
+    /// splats with an uncertainty; opacities and SH get all of them. Throws Error(ExitCode::usage)
+    /// below 1 if the backbone cannot part them.
+    virtual void set_color_share(float share) {
+        if (share < 1)
+            throw Error(ExitCode::usage,
+                        "loss.photometric.geometry is below 1, but this backbone cannot part the "
+                        "gradients of colours from the others; set it to 1, or choose ewa or "
+                        "surfel");
+    }
+
     /// Renders. The result is valid until the next call. `sh_degree`: degree to use, at most the
     /// stored one.
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,

@@ -39,6 +39,7 @@ DensifyResult densify_case(GrowthRule rule, float spare_covered) {
     Gaussians<Device> g;
     copy(random_gaussians(n, 30, 0.08, 2), g);
     if (rule == GrowthRule::quantile) copy(std::vector<float>(n, 0.02f), g.filter);
+    copy(std::vector<float>(n, 0.5f), g.uncertainty);
     Adam<Device> adam({}, g);
     DensifyOptions options;
     options.rule = rule;

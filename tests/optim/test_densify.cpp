@@ -409,6 +409,26 @@ void expect_same(const Buffer<T, Cpu>& cpu, const Buffer<T, Cpu>& cuda) {
         ASSERT_NEAR(a[i], b[i], 1e-5) << i;
 }
 
+/// Splats that grow are not where stereo has put them; those that stay keep what they had.
+TEST(Densify, NewSplatsHaveNoSupport) {
+    const test::DensifyResult result = test::densify_case<Cpu>(GrowthRule::thresholds, 0);
+    const auto& uncertainty = result.gaussians.uncertainty;
+    ASSERT_EQ(uncertainty.size(), result.parents.size());
+    std::vector<int> children(1000, 0), supported(1000, 0);
+    for (std::size_t i = 0; i < uncertainty.size(); ++i) {
+        const auto parent = static_cast<std::size_t>(result.parents[i]);
+        EXPECT_TRUE(uncertainty[i] == 0 || uncertainty[i] == 0.5f);
+        children[parent] += 1, supported[parent] += uncertainty[i] > 0;
+    }
+    int grown = 0, kept = 0;
+    for (std::size_t i = 0; i < 1000; ++i) {
+        EXPECT_LE(supported[i], 1) << "of parent " << i;
+        grown += children[i] > 1, kept += supported[i];
+    }
+    EXPECT_GT(grown, 100);
+    EXPECT_GT(kept, 100);
+}
+
 class DensifyTwins : public testing::TestWithParam<std::tuple<GrowthRule, float>> {};
 
 TEST_P(DensifyTwins, CpuAgainstCuda) {
@@ -429,6 +449,7 @@ TEST_P(DensifyTwins, CpuAgainstCuda) {
             expect_same(x.opacity_logits, y.opacity_logits);
             expect_same(x.sh, y.sh);
             expect_same(x.filter, y.filter);
+            expect_same(x.uncertainty, y.uncertainty);
         }
     }
 }

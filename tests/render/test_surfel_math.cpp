@@ -212,10 +212,11 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
 
         SurfelPixelGradient<double> by = stack.by;
         by.all = 1 - pixel.T, by.first = pixel.first, by.second = pixel.second;
-        SurfelPixelBackward<double> back{pixel.T, by};
+        SurfelPixelBackward<double> back{pixel.T, by}, parted = back;
         for (std::size_t i = shapes.size(); i-- > 0;) {
-            SurfelGradients<true, double> g{};
+            SurfelGradients<true, double> g{}, half{};
             blend_vjp<true>(back, shapes[i], stack.features[i], hits[i], g);
+            blend_vjp<true, true>(parted, shapes[i], stack.features[i], hits[i], half, 0.5);
             SurfelMatrixGradient<double> matrix = surfel_inverse_vjp(shapes[i], g.inverse);
             matrix.row_z.z += g.depth;
             low_pass_vjp(surfel_rows(camera, stack.axes[i]), shapes[i].low_pass, g.inverse.low_pass,
@@ -246,6 +247,22 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
                 expect(g.normal[c], slope(stack.features[i].normal[c]), "normal");
             }
             expect(g.opacity, slope(stack.opacities[i]), "opacity");
+            expect(half.opacity, g.opacity, "opacity, colours parted");
+            // The derivative of half of the colours' part of the value and all of the rest.
+            const Vec3d color = stack.by.color;
+            stack.by.color = 0.5 * color;
+            SurfelMatrixGradient<double> by_half = surfel_inverse_vjp(shapes[i], half.inverse);
+            by_half.row_z.z += half.depth;
+            low_pass_vjp(surfel_rows(camera, stack.axes[i]), shapes[i].low_pass,
+                         half.inverse.low_pass, by_half);
+            const SurfelAxes<double> half_axes =
+                surfel_axes_vjp(camera, stack.axes[i].centre, by_half);
+            for (int c = 0; c < 3; ++c) {
+                expect(half_axes.a[c], slope(stack.axes[i].a[c]), "first axis, colours parted");
+                expect(half_axes.centre[c], slope(stack.axes[i].centre[c]),
+                       "centre, colours parted");
+            }
+            stack.by.color = color;
         }
     }
     if (GetParam())

@@ -22,6 +22,9 @@ struct Gaussians {
     /// [N] world units, or empty: width of the smoothing filter. Not a parameter;
     /// Backbone::prepare() writes it.
     Buffer<float, Device> filter;
+    /// [N] world units, or empty: how far stereo may have put a splat off its surface. 0: stereo
+    /// does not support the splat. Training reads it, and never changes it.
+    Buffer<float, Device> uncertainty;
     int sh_degree = 3;
 
     int size() const { return static_cast<int>(means.size()); }
@@ -33,6 +36,7 @@ struct SplatArray {
     int planes = 1;         // it holds `planes` times N elements
     bool shape = false;     // position, size or orientation
     bool optional = false;  // may be empty
+    bool kept = false;      // new splats have zeros instead of their parents' values
 };
 
 /// Calls visit(SplatArray, array...) for each array of one object, or of several side by side. All
@@ -45,6 +49,8 @@ void for_each_array(const Visit& visit, First& g, More&... more) {
     visit(SplatArray{.name = "opacity_logits"}, g.opacity_logits, more.opacity_logits...);
     visit(SplatArray{.name = "sh", .planes = sh_count(g.sh_degree)}, g.sh, more.sh...);
     visit(SplatArray{.name = "filter", .optional = true}, g.filter, more.filter...);
+    visit(SplatArray{.name = "uncertainty", .optional = true, .kept = true}, g.uncertainty,
+          more.uncertainty...);
 }
 
 /// Contents are undefined where a buffer had to grow. Optional arrays that are empty stay empty.

@@ -286,7 +286,8 @@ private:
         for_each_array(
             [&](const SplatArray& array, auto& values) {
                 if (array.shape == shapes && !values.empty())
-                    gather(from, cleared, values, scratch_of(array, values), array.planes);
+                    gather(from, array.kept ? std::as_const(is_new_).span() : cleared, values,
+                           scratch_of(array, values), array.planes);
             },
             g);
     }

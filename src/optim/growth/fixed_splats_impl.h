@@ -13,8 +13,12 @@ const Gaussians<Device>& FixedSplats<Device>::join(const Gaussians<Device>& trai
     if (none()) return trained;
     const int n = trained.size(), extra = fixed_.size();
     const bool changed = joined_.size() != n + extra;
-    // Empty optional arrays stay empty.
-    if (!trained.filter.empty() && joined_.filter.empty()) joined_.filter.resize(1);
+    // resize() leaves empty optional arrays empty.
+    for_each_array(
+        [](const SplatArray& array, const auto& from, auto& to) {
+            if (array.optional && !from.empty() && to.empty()) to.resize(1);
+        },
+        trained, joined_);
     resize(joined_, n + extra, trained.sh_degree);
     for_each_array(
         [&](const SplatArray& array, const auto& from, const auto& fixed, auto& to) {

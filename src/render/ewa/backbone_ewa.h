@@ -43,6 +43,8 @@ public:
     explicit EwaBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}
 
+    void set_color_share(float share) override { color_share_ = share; }
+
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
                                           int sh_degree,
@@ -72,11 +74,17 @@ public:
                 normal = std::as_const(plane_normal_).span();
                 distance = std::as_const(plane_distance_).span();
             }
-            with_channels(channels_, [&]<Channels kChannels>() {
-                blend_tiles_vjp<EwaModel<blended(kChannels)>>(
+            const auto blend_back = [&]<class Model>(const Model&) {
+                blend_tiles_vjp<Model>(
                     splats_, lists_, grid_,
                     {dL_dimages.color.span(), normal, distance, dL_dimages.transmittance.span()},
                     images_.transmittance, stops_, fragments_);
+            };
+            with_channels(channels_, [&]<Channels kChannels>() {
+                constexpr Channels kBlended = blended(kChannels);
+                if constexpr (has_color(kChannels))
+                    if (parted_) return blend_back(PartedEwaModel<kBlended>{});
+                blend_back(EwaModel<kBlended>{});
             });
         });
         ray_depth_.fragments.resize(0);
@@ -136,12 +144,15 @@ private:
     template <Channels kChannels>
     void forward_as(const Gaussians<Device>& g) {
         auto& clock = this->clock();
+        const ColorShare share{g.uncertainty.span(), color_share_};
+        parted_ = has_color(kChannels) && share.parts();
         const auto project = [&](auto& to) {
             return ProjectBody<blended(kChannels)>{view_,
                                                    g.means.span(),
                                                    g.log_scales.span(),
                                                    g.quats.span(),
                                                    g.opacity_logits.span(),
+                                                   share,
                                                    to.shapes.span(),
                                                    to.features.span(),
                                                    to.depths.span(),
@@ -197,6 +208,8 @@ private:
 
     BackboneOptions options_;
     Camera camera_;  // of the rays of depth
+    float color_share_ = 1;
+    bool parted_ = false;  // in the last forward()
     Channels channels_ = Channels::color;
     TileGrid grid_{};
     ViewParameters view_{};

@@ -16,6 +16,7 @@ struct ProjectBody {
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
     Span<const float> opacity_logits;
+    ColorShare color_share;
     Span<SplatShape<float>> shapes;
     Span<FeatureRecord> features;
     Span<float> depths;
@@ -37,6 +38,7 @@ struct ProjectBody {
     }
     TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
     TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
+        features[at].color_share = color_share(i);
         SplatShape<float>& shape = shapes[at];  // nvcc would copy it byte by byte
         shape.mean = f.e.shape.mean, shape.root = f.e.shape.root;
         shape.opacity = f.e.shape.opacity, shape.reach = f.e.shape.reach;
@@ -75,7 +77,8 @@ struct EwaVjp {
         if (!finish(i, at, g)) return false;
         Vec3f dL_dmean{};  // SH first: it needs most registers
         if constexpr (kColor)
-            dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+            dL_dmean = features[at].color_share *
+                       sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
                                            features[at].f.color, g.features.color, visit);
         const Vec3f p = view.camera.camera_from_world * splat.mean;
         const Mat3f R = rotation(normalize(splat.quat));

@@ -5,4 +5,6 @@ TVSGS_TILES_CPU(SplatShape<float>, FeatureRecord)
 TVSGS_BLEND_CPU(EwaModel<Channels::color>)
 TVSGS_BLEND_CPU(EwaModel<Channels::color_plane>)
 TVSGS_BLEND_CPU(EwaModel<Channels::plane>)
+TVSGS_BLEND_BACK_CPU(PartedEwaModel<Channels::color>)
+TVSGS_BLEND_BACK_CPU(PartedEwaModel<Channels::color_plane>)
 }  // namespace tvsgs

@@ -7,4 +7,6 @@ TVSGS_TILES_CUDA(SplatShape<float>, FeatureRecord)
 TVSGS_BLEND_CUDA(EwaModel<Channels::color>)
 TVSGS_BLEND_CUDA(EwaModel<Channels::color_plane>)
 TVSGS_BLEND_CUDA(EwaModel<Channels::plane>)
+TVSGS_BLEND_BACK_CUDA(PartedEwaModel<Channels::color>)
+TVSGS_BLEND_BACK_CUDA(PartedEwaModel<Channels::color_plane>)
 }  // namespace tvsgs

@@ -10,6 +10,7 @@ namespace tvsgs {
 /// Padded to 16-byte words.
 struct alignas(16) FeatureRecord {
     SplatFeatures<float> f;
+    float color_share;  // as in blend_vjp()
 };
 
 template <class Device>
@@ -73,11 +74,11 @@ template <>
 struct TileFinder<SplatShape<float>>;
 template <Channels kChannels>
 struct EwaForwardPacks;
-template <Channels kChannels>
+template <Channels kChannels, bool kParted>
 struct EwaBackwardPacks;
 
-/// Blending model of one channel set; see blend.h.
-template <Channels kChannels>
+/// Blending model of one channel set; see blend.h. `kParted`: as in blend_vjp().
+template <Channels kChannels, bool kParted = false>
 struct EwaModel {
     using Shape = SplatShape<float>;
     using Features = FeatureRecord;
@@ -88,7 +89,7 @@ struct EwaModel {
     using Writer = PixelWriter<kChannels>;
     using Reader = PixelGradientReader<kChannels>;
     using ForwardPacks = EwaForwardPacks<kChannels>;
-    using BackwardPacks = EwaBackwardPacks<kChannels>;
+    using BackwardPacks = EwaBackwardPacks<kChannels, kParted>;
 
     struct Hit {
         float gauss, alpha;
@@ -111,8 +112,9 @@ struct EwaModel {
                                    const Features& features,
                                    const Hit& hit,
                                    Gradients& g) {
-        tvsgs::blend_vjp<kChannels>(pixel, s.root, features.f, hit.whitened,
-                                    SplatAlpha<float>{hit.gauss, hit.alpha}, g);
+        tvsgs::blend_vjp<kChannels, kParted>(pixel, s.root, features.f, hit.whitened,
+                                             SplatAlpha<float>{hit.gauss, hit.alpha}, g,
+                                             features.color_share);
     }
 
     TVSGS_HD static void copy(const Features& from, Features& to) {
@@ -122,6 +124,7 @@ struct EwaModel {
             to.f.color = from.f.color;
         else
             to.f.normal = from.f.normal, to.f.distance = from.f.distance;
+        if constexpr (kParted) to.color_share = from.color_share;
     }
 
     static constexpr int kCommon = 8;  // gradients up to the opacity's, before the features'
@@ -132,5 +135,8 @@ struct EwaModel {
         return v < kCommon || has_color(kChannels) ? v : v + 3;
     }
 };
+
+template <Channels kChannels>
+using PartedEwaModel = EwaModel<kChannels, true>;
 
 }  // namespace tvsgs

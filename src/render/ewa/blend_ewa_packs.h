@@ -352,9 +352,9 @@ struct LaneSums {
     }
 };
 
-template <Channels kChannels>
-struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
-    using Tiles = TilesBackward<EwaModel<kChannels>>;
+template <Channels kChannels, bool kParted>
+struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels, kParted>> {
+    using Tiles = TilesBackward<EwaModel<kChannels, kParted>>;
     using Tiles::read, Tiles::transmittance, Tiles::stop_in, Tiles::gradients, Tiles::drawn;
     using Tiles::shapes, Tiles::features, Tiles::spans, Tiles::splats, Tiles::fragments,
         Tiles::grid;
@@ -401,6 +401,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
                 if (from == batch.ends[j]) continue;
                 const auto shape = broadcast<Lane>(shapes[*(first - j)]);
                 const auto f = broadcast<Lane>(features[*(first - j)].f);
+                const Lane share(kParted ? features[*(first - j)].color_share : 1.0f);
                 const Lane position = Lane::from_bits(static_cast<std::int32_t>(end - 1 - j));
                 typename Lane::Mask draws{};
                 LaneSums sums;
@@ -412,9 +413,9 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
                         const Lane gauss =
                             select(less_bits(position, stop[k]), batch.gauss[i], Lane(0));
                         draws = either(draws, gauss > Lane(0));
-                        blend_vjp<kChannels>(
+                        blend_vjp<kChannels, kParted>(
                             pixels[k], shape.root, f, batch.splats[j].whitened(k),
-                            {gauss, minimum(shape.opacity * gauss, Lane(kMaxAlpha))}, g);
+                            {gauss, minimum(shape.opacity * gauss, Lane(kMaxAlpha))}, g, share);
                     }
                     sums.store(g, pass * Lane::kSize);
                 }

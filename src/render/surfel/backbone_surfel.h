@@ -31,6 +31,8 @@ public:
     explicit SurfelBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}
 
+    void set_color_share(float share) override { color_share_ = share; }
+
     void prepare(int, bool, const std::vector<Camera>&, Gaussians<Device>& g) override {
         parallel_for(Device{}, g.size(), ThinBody{g.log_scales.span()});
     }
@@ -45,12 +47,15 @@ public:
                  tile_grid(camera.width_px, camera.height_px),
                  sh_degree < g.sh_degree ? sh_degree : g.sh_degree, options_.near};
         resize_images(camera);
+        const ColorShare share{g.uncertainty.span(), color_share_};
+        parted_ = color_ && share.parts();
         const auto project = [&](auto& to) {
             return ProjectSurfelsBody{view_,
                                       g.means.span(),
                                       g.log_scales.span(),
                                       g.quats.span(),
                                       g.opacity_logits.span(),
+                                      share,
                                       to.shapes.span(),
                                       to.features.span(),
                                       to.depths.span(),
@@ -66,7 +71,10 @@ public:
     const FusedGradients* blend_backward(const Gaussians<Device>&,
                                          const ImageGradients<Device>& dL_dimages) override {
         with_maps(maps_, color_, [&]<bool kMaps, bool kColor>() {
-            this->clock()("blend backward", [&] { blend_back_as<kMaps>(dL_dimages); });
+            this->clock()("blend backward", [&] {
+                parted_ ? blend_back_as<kMaps, true>(dL_dimages)
+                        : blend_back_as<kMaps, false>(dL_dimages);
+            });
             gradients_.vjp = SurfelVjp<kMaps, kColor>{view_, std::as_const(splats_.shapes).span(),
                                                       std::as_const(splats_.features).span(),
                                                       this->sums(fragments_of<kMaps>())};
@@ -105,10 +113,10 @@ private:
              second_.span(), images_.width, median()},
             stops_);
     }
-    template <bool kMaps>
+    template <bool kMaps, bool kParted>
     void blend_back_as(const ImageGradients<Device>& dL) {
         const RenderedImages<Device>& images = images_;
-        blend_tiles_vjp<SurfelModel<kMaps>>(
+        blend_tiles_vjp<SurfelModel<kMaps, kParted>>(
             splats_, lists_, view_.grid,
             {dL.color.span(), dL.normal.span(), dL.depth.span(), dL.distortion.span(),
              images.transmittance.span(), images.depth.span(), std::as_const(z_).span(),
@@ -128,7 +136,8 @@ private:
     bool median() const { return options_.depth != SurfaceDepth::expected; }
 
     BackboneOptions options_;
-    bool color_ = true, maps_ = false;  // of the last forward()
+    float color_share_ = 1;
+    bool color_ = true, maps_ = false, parted_ = false;  // of the last forward()
     SurfelView view_{};
     Surfels<Device> splats_;
     Buffer<float, Device> z_, first_, second_;  // [H W] as in SurfelPixel

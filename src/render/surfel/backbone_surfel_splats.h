@@ -5,6 +5,7 @@
 #include "render/surfel/blend_surfel.h"
 #include "render/tiles/blend_math.h"
 #include "render/tiles/splat_vjp.h"
+#include "render/tiles/view_splats.h"
 
 namespace tvsgs {
 
@@ -47,6 +48,7 @@ struct ProjectSurfelsBody {
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
     Span<const float> opacity_logits;
+    ColorShare color_share;
     Span<SurfelShape<float>> shapes;
     Span<SurfelRecord> features;
     Span<float> depths;
@@ -78,10 +80,11 @@ struct ProjectSurfelsBody {
         const float least = kLowPassReach * 0.70710678f;
         return std::ceil(longer > least ? longer : least);
     }
-    TVSGS_HD void store(int /*i*/, const Found& found, std::uint32_t at) const {
+    TVSGS_HD void store(int i, const Found& found, std::uint32_t at) const {
         shapes[at] = found.shape;
         depths[at] = found.pose.axes.centre.z;
         rects[at] = found.rect;
+        features[at].color_share = color_share(i);
         SurfelFeatures<float>& f = features[at].f;
         f.normal = found.pose.normal;
         f.color = {};  // a render without colours also blends it
@@ -110,7 +113,8 @@ struct SurfelVjp {
         if (!finish(i, at, g, matrix)) return false;
         Vec3f dL_dmean{};
         if constexpr (kColor)
-            dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+            dL_dmean = features[at].color_share *
+                       sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
                                            features[at].f.color, g.color, visit);
         if constexpr (kMaps) matrix.row_z.z += g.depth;
         const SurfelPose pose = surfel_pose(view, splat.mean, splat.log_scale, splat.quat);

@@ -7,4 +7,6 @@ namespace tvsgs {
 TVSGS_TILES_CPU(SurfelShape<float>, SurfelRecord)
 TVSGS_BLEND_CPU(SurfelModel<false>)
 TVSGS_BLEND_CPU(SurfelModel<true>)
+TVSGS_BLEND_BACK_CPU(PartedSurfelModel<false>)
+TVSGS_BLEND_BACK_CPU(PartedSurfelModel<true>)
 }  // namespace tvsgs

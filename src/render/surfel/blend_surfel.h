@@ -10,6 +10,7 @@ namespace tvsgs {
 /// Padded to 16-byte words.
 struct alignas(16) SurfelRecord {
     SurfelFeatures<float> f;
+    float color_share;  // as in blend_vjp()
 };
 
 template <class Device>
@@ -24,8 +25,8 @@ TVSGS_HD Real surfel_depth(const SurfelPixel<Real>& pixel, bool median) {
     return median ? pixel.median : pixel.z / coverage;
 }
 
-/// Blending model for colours only, or for all maps.
-template <bool kMaps>
+/// Blending model for colours only, or for all maps. `kParted`: as in blend_vjp().
+template <bool kMaps, bool kParted = false>
 struct SurfelModel {
     using Shape = SurfelShape<float>;
     using Features = SurfelRecord;
@@ -96,15 +97,19 @@ struct SurfelModel {
                                    const Features& features,
                                    const Hit& hit,
                                    Gradients& g) {
-        tvsgs::blend_vjp<kMaps>(pixel, s, features.f, hit, g);
+        tvsgs::blend_vjp<kMaps, kParted>(pixel, s, features.f, hit, g, features.color_share);
     }
     TVSGS_HD static void copy(const Features& from, Features& to) {
         to.f.color = from.f.color;
         if constexpr (kMaps) to.f.normal = from.f.normal;
+        if constexpr (kParted) to.color_share = from.color_share;
     }
 
     static constexpr int kFilled = Gradients::kCount;
     TVSGS_HD static constexpr int filled(int v) { return v; }
 };
+
+template <bool kMaps>
+using PartedSurfelModel = SurfelModel<kMaps, true>;
 
 }  // namespace tvsgs

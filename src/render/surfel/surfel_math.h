@@ -314,6 +314,7 @@ struct SurfelPixelBackward {
     SurfelPixelGradient<Real> by;
     Real behind = 0;  // as in blend_math.h
     bool had_median = false;
+    Real maps_behind = 0;  // where colours are parted: `behind` is of colours, this of the maps
 };
 
 /// Sums of one surfel over pixels.
@@ -337,17 +338,21 @@ template <bool kMaps, class Real>
 using SurfelGradients =
     std::conditional_t<kMaps, SurfelMapGradients<Real>, SurfelColorGradients<Real>>;
 
-/// Adds one surfel at one pixel, back to front. A hit with alpha 0 adds nothing.
-template <bool kMaps, class Real>
+/// Adds one surfel at one pixel, back to front. A hit with alpha 0 adds nothing. With `kParted` only
+/// `color_share` of the derivatives by colour and by the transmittance behind all splats reaches the
+/// shape; opacity and colour get all of them.
+template <bool kMaps, bool kParted = false, class Real>
 TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         const SurfelShape<Real>& s,
                         const SurfelFeatures<Real>& f,
                         const SurfelHit<Real>& hit,
-                        SurfelGradients<kMaps, Real>& g) {
+                        SurfelGradients<kMaps, Real>& g,
+                        Real color_share = 1) {
     const SurfelPixelGradient<Real>& by = pixel.by;
     const Real T = pixel.T * FastMath::inverse(1 - hit.alpha), w = hit.alpha * T;
     const bool in_front = hit.alpha > 0 && T > Real(0.5);
-    Real dL_dw = dot(by.color, f.color), dL_dz = 0;
+    const Real by_color = dot(by.color, f.color);
+    Real dL_dw = kParted ? Real(0) : by_color, dL_dz = 0;
     if constexpr (kMaps) {
         const Real m = distortion_depth(hit.inverse);
         dL_dw += dot(by.normal, f.normal) + by.coverage + by.z * hit.z +
@@ -358,17 +363,25 @@ TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
         pixel.had_median = pixel.had_median || in_front;
         g.normal += w * by.normal;
     }
-    const Real step = dL_dw - pixel.behind;
-    pixel.behind += hit.alpha * step;
+    Real step, shape_step;
+    if constexpr (kParted) {
+        const Real color_step = by_color - pixel.behind, maps_step = dL_dw - pixel.maps_behind;
+        pixel.behind += hit.alpha * color_step;
+        pixel.maps_behind += hit.alpha * maps_step;
+        step = color_step + maps_step;
+        shape_step = color_share * color_step + maps_step;
+    } else {
+        step = shape_step = dL_dw - pixel.behind;
+        pixel.behind += hit.alpha * step;
+    }
     pixel.T = T;
 
     // The gradient passes the upper clamp of alpha unchanged, as in the official code.
-    const Real dL_dalpha = T * step;
-    g.opacity += hit.gauss * dL_dalpha;  // gauss is 0 if it does not draw
+    g.opacity += hit.gauss * (T * step);  // gauss is 0 if it does not draw
     g.color += w * by.color;
     g.front_pixels += in_front ? Real(1) : Real(0);
     Real by_depth = 0;
-    surfel_hit_vjp(s, hit, s.opacity * dL_dalpha, dL_dz, g.inverse, by_depth);
+    surfel_hit_vjp(s, hit, s.opacity * (T * shape_step), dL_dz, g.inverse, by_depth);
     if constexpr (kMaps) g.depth += by_depth;
 }
 

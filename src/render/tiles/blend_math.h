@@ -107,6 +107,7 @@ struct PixelBackward {
     Real T;  // behind the next splat to visit; starts at the final transmittance
     SplatFeatures<Real> dL_dpixel;  // gradient of the blended channels
     Real behind = 0;                // <dL_dpixel, blended features behind, as if seen with T = 1>
+    Real plane_behind = 0;  // where colours are parted: `behind` is of colours, this of the plane
 };
 
 /// Gradients of one splat, summed over pixels. Padded to 16-byte words.
@@ -139,19 +140,37 @@ TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
 
 /// Adds one splat at one pixel, back to front, to `g`, without the splat's constant factors. w =
 /// whitened(root, mean - pixel centre). An `a` of zeros adds nothing. The gradient passes the upper
-/// clamp of alpha unchanged, as in the official code.
-template <Channels kChannels, class Real>
+/// clamp of alpha unchanged, as in the official code. With `kParted` only `color_share` of the
+/// derivatives by colour and by the transmittance behind all splats reaches mean and spread; opacity
+/// and colour get all of them.
+template <Channels kChannels, bool kParted = false, class Real>
 TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         const EllipseRoot<Real>& root,
                         const SplatFeatures<Real>& f,
                         Vec2<Real> w,
                         SplatAlpha<Real> a,
-                        SplatGradients<Real>& g) {
+                        SplatGradients<Real>& g,
+                        Real color_share = Real(1)) {
     using std::abs;
     const Real T = pixel.T * FastMath::inverse(1 - a.alpha);  // in front of this splat
-    const Real step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
     add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
-    pixel.behind += a.alpha * step;  // features behind <- alpha f + (1 - alpha) features behind
+    // Features behind <- alpha f + (1 - alpha) features behind.
+    Real step;
+    if constexpr (kParted) {
+        const Real color_step = feature_dot<Channels::color>(f, pixel.dL_dpixel) - pixel.behind;
+        pixel.behind += a.alpha * color_step;
+        Real plane_step(0);
+        if constexpr (has_plane(kChannels)) {
+            plane_step = feature_dot<Channels::plane>(f, pixel.dL_dpixel) - pixel.plane_behind;
+            pixel.plane_behind += a.alpha * plane_step;
+        }
+        // add_alpha_gradient() adds the shape's step to the opacity.
+        step = color_share * color_step + plane_step;
+        g.opacity += a.gauss * (T * (color_step - color_share * color_step));
+    } else {
+        step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
+        pixel.behind += a.alpha * step;
+    }
     pixel.T = T;
 
     const Real change = a.gauss * (T * step);

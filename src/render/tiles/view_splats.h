@@ -20,6 +20,18 @@ struct ViewParameters {
     float near, low_pass;
 };
 
+/// Share of the derivatives by colour that reaches the shape of a splat: `supported` if stereo
+/// supports it, else all.
+struct ColorShare {
+    Span<const float> uncertainty;  // [N] or empty
+    float supported = 1;
+
+    TVSGS_HD float operator()(int i) const {
+        return !uncertainty.empty() && uncertainty[i] > 0 ? supported : 1.0f;
+    }
+    bool parts() const { return supported < 1 && !uncertainty.empty(); }
+};
+
 /// A splat in the image. Without tiles it is not in view, and the other members are not valid.
 struct ViewEllipse {
     SplatShape<float> shape;
