@@ -40,6 +40,35 @@ TEST(Adam, FirstStepMovesEveryGroupByItsRate) {
     }
 }
 
+/// Splats with an uncertainty move by their own rates, the others as without the option.
+TEST(Adam, SupportedSplatsHaveTheirOwnRates) {
+    Gaussians<Cpu> g = test::random_gaussians(5, 1, 0.1, 1), before;
+    g.uncertainty.resize(5);
+    for (std::size_t i = 0; i < 5; ++i) g.uncertainty[i] = static_cast<float>(i);
+    copy(g, before);
+    AdamOptions options;
+    options.supported_position = 0.01f;
+    options.supported_scale = 7e-4f, options.supported_rotation = 3e-4f;
+    Adam<Cpu> adam(options, g);
+    const int half = options.position_max_steps / 2;
+    adam.step(half, 2.0f, 1, constant_like(g, -0.3f), g, true);
+    const double fall = 0.1, r = 1e-5;  // half of the way from 1.6e-4 to 1.6e-6
+    for (std::size_t i = 0; i < 5; ++i) {
+        const bool supported = i > 0;
+        EXPECT_NEAR(g.means[i].x - before.means[i].x,
+                    supported ? 0.01 * fall * static_cast<double>(i)
+                              : static_cast<double>(position_rate(options, half, 2)),
+                    r);
+        EXPECT_NEAR(g.log_scales[i].y - before.log_scales[i].y,
+                    static_cast<double>(supported ? options.supported_scale : options.scale), r);
+        EXPECT_NEAR(g.quats[i].z - before.quats[i].z,
+                    static_cast<double>(supported ? options.supported_rotation : options.rotation),
+                    r);
+        EXPECT_NEAR(g.opacity_logits[i] - before.opacity_logits[i], options.opacity, r);
+        EXPECT_EQ(g.uncertainty[i], static_cast<float>(i));
+    }
+}
+
 TEST(Adam, TenStepsOnAQuadratic) {
     Gaussians<Cpu> g = test::random_gaussians(4, 2, 0.1, 0), gradients = constant_like(g, 0);
     AdamOptions options;

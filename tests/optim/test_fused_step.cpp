@@ -167,6 +167,33 @@ TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
             << text(drawn);
 }
 
+TEST(FusedStep, SupportedSplatsHaveTheSameRatesInMemory) {
+#if defined(__FMA__)
+    GTEST_SKIP() << "built for a processor on which the compiler fuses as it likes";
+#endif
+    for (const char* name : {"ewa", "surfel"}) {
+        Gaussians<Cpu> fused = test::random_gaussians(200, 3, 0.1), in_memory, plain;
+        fused.uncertainty.resize(200);
+        for (std::size_t i = 0; i < 200; ++i) fused.uncertainty[i] = i % 2 == 0 ? 0 : 0.2f;
+        copy(fused, in_memory), copy(fused, plain);
+        AdamOptions options;
+        options.supported_position = 0.01f;
+        const auto backbone = make_backbone<Cpu>(name, {});
+        ImageGradients<Cpu> by;
+        copy(std::vector<Vec3f>(40 * 30, {0.3f, -0.2f, 0.1f}), by.color);
+        backbone->forward(fused, test::test_camera(40, 30), 3, Maps::color);
+        Gaussians<Cpu> dL, none;
+        resize(dL, 200, 3), fill_zero(dL);
+        backbone->backward(fused, by, dL);
+        Adam<Cpu>(options, in_memory).step(1, 2, 3, dL, in_memory, true);
+        Adam<Cpu>(AdamOptions{}, plain).step(1, 2, 3, dL, plain, true);
+        Adam<Cpu>(options, fused)
+            .step(1, 2, 3, *backbone->blend_backward(fused, by), none, fused, true);
+        EXPECT_TRUE(same_bits(fused, in_memory)) << name;
+        EXPECT_FALSE(same_bits(fused.means, plain.means)) << name;
+    }
+}
+
 TEST(FusedStep, EachMapHasItsShare) {
     for (const Drawn& drawn : all_drawn()) {
         const Stepped all = step_views<Cpu>(Way::fused, 1, drawn, false);

@@ -101,6 +101,21 @@ TEST(InitGaussians, Values) {
     EXPECT_NEAR(std::exp(2 * g.log_scales[50].x), 1e-7, 1e-11) << "duplicates get the least size";
 }
 
+TEST(InitGaussians, UncertaintyWhereStereoIsSure) {
+    Scene scene = scene_of(random_points(50, 2));
+    InitOptions options;
+    options.support = true;
+    EXPECT_TRUE(init_gaussians(scene, options, 0).uncertainty.empty()) << "no cloud by stereo";
+    for (std::size_t i = 0; i < 50; ++i) scene.points.confidences.push_back(i % 2 == 0 ? 0 : 0.5f);
+    const Gaussians<Cpu> g = init_gaussians(scene, options, 0);
+    const auto squared = mean_squared_neighbour_distance(scene.points.positions, 3);
+    ASSERT_EQ(g.uncertainty.size(), 50u);
+    for (std::size_t i = 0; i < 50; ++i)
+        EXPECT_EQ(g.uncertainty[i], i % 2 == 0 ? 0 : std::sqrt(squared[i]));
+    options.support = false;
+    EXPECT_TRUE(init_gaussians(scene, options, 0).uncertainty.empty());
+}
+
 /// Random axes have no preferred direction: their mean outer product is a third of the identity.
 TEST(InitGaussians, RotationsAtRandomWhereThereIsNoNormal) {
     const int n = 4000;

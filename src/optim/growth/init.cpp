@@ -122,6 +122,8 @@ float guard_unit(const Scene& scene) {
 
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree) {
     std::vector<Vec3f> positions, colors, normals;
+    std::vector<float> confidences;
+    const bool support = options.support && !scene.points.confidences.empty();
     const bool use_normals = options.use_normals && !scene.points.normals.empty();
     const float unit = guard_unit(scene), at_camera_distance = 1e-2f * unit;
     for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
@@ -135,6 +137,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f}
                                                      : scene.points.colors[i]);
         if (use_normals) normals.push_back(scene.points.normals[i]);
+        if (support) confidences.push_back(scene.points.confidences[i]);
     }
     if (const std::size_t dropped = scene.points.positions.size() - positions.size(); dropped > 0)
         spdlog::warn("{} initial points lie within {:g} world units of a camera and are left out",
@@ -148,12 +151,14 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     Gaussians<Cpu> g;
     resize(g, static_cast<int>(positions.size()), sh_degree);
     fill_zero(g);
+    if (support) g.uncertainty.resize(positions.size());
     const float logit = std::log(options.opacity / (1 - options.opacity));
     const NearCameras near(scene.train, options.max_extent);
     parallel_for(Cpu{}, g.size(), [&](int splat) {
         const std::size_t i = static_cast<std::size_t>(splat);
         g.means[i] = positions[i];
         float scale = std::sqrt(squared[i]);
+        if (support) g.uncertainty[i] = confidences[i] > 0 ? scale : 0;
         if (options.max_extent > 0 && near.may_limit(positions[i], scale))
             scale = std::min(scale, largest_scale(scene.train, positions[i], options.max_extent));
         const float log_scale = std::log(std::max(scale, std::sqrt(1e-7f) * unit));

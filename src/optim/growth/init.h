@@ -12,7 +12,7 @@ namespace tvsgs {
 struct InitOptions {
     float opacity = 0.1f;
     int min_points = 2000;
-    bool use_normals = true, random_rotations = false;
+    bool use_normals = true, random_rotations = false, support = false;
     float max_extent = 0.05f;
     // For a cloud from a file:
     float thin = 0;
@@ -29,6 +29,9 @@ struct InitOptions {
               "Gaussians lie flat on the normals of the cloud, where it has any");
         field("random_rotations", random_rotations,
               "Gaussians without a normal have rotations at random; off: none");
+        field("support", support,
+              "the distance to the nearest points of a cloud by stereo counts as the uncertainty "
+              "of a Gaussian's place, for loss.photometric.geometry and lr.supported_*");
         field("max_extent", max_extent, {0, 1e9},
               "largest standard deviation, as a share of the larger side of a photograph that "
               "shows it, at the start; 0: any");
@@ -48,8 +51,9 @@ struct InitOptions {
 /// Makes one isotropic Gaussian per point. Its standard deviation is the root mean square distance
 /// to the three nearest other points, at least 1e-3.5 guard units; its rotation is the identity or
 /// random; its base colour is the point's. With normals (and use_normals) the third axis is the
-/// normal and a tenth as long. No standard deviation exceeds `max_extent` of a photograph: else a
-/// single point near a camera would cover the view. Drops points within 1e-2 guard units of a
+/// normal and a tenth as long. With `support`, points with a confidence above 0 get that distance as
+/// their uncertainty, the others 0. No standard deviation exceeds `max_extent` of a photograph: else
+/// a single point near a camera would cover the view. Drops points within 1e-2 guard units of a
 /// training camera, where directions and projections are ill-defined. Throws Error(ExitCode::input)
 /// when no point remains.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);

@@ -60,6 +60,7 @@ public:
           model_(options.model),
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
+        backbone_->set_color_share(options.loss.photometric.geometry);
         check_cameras(options, backbone_->traits.moves_cameras);
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");

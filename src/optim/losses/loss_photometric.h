@@ -11,7 +11,7 @@
 namespace tvsgs {
 
 struct PhotometricOptions {
-    float weight = 1, ssim = 0.2f;
+    float weight = 1, ssim = 0.2f, geometry = 1;
     bool exposure = false;
     int exposure_start = 1001;
     MaskUse masks = MaskUse::automatic;
@@ -24,6 +24,9 @@ struct PhotometricOptions {
     void fields(Visitor& field) {
         field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
         field("ssim", ssim, {0, 1}, "share of the SSIM term");
+        field("geometry", geometry, {0, 1},
+              "share of the gradient that moves, turns and scales splats that stereo supports "
+              "(init.support); colours and opacities get all of it");
         field("exposure", exposure,
               "fit a brightness and an offset per photograph in the L1 term, PGSR");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");

@@ -15,6 +15,7 @@ struct AdamOptions {
     float position_start = 1.6e-4f, position_end = 1.6e-6f;
     int position_max_steps = 30000;
     float sh_dc = 2.5e-3f, sh_rest = 1.25e-4f, opacity = 0.05f, scale = 0.005f, rotation = 0.001f;
+    float supported_position = 0, supported_scale = 5e-4f, supported_rotation = 5e-4f;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -29,6 +30,12 @@ struct AdamOptions {
         field("opacity", opacity, {0, 10}, "rate of the opacity logits");
         field("scale", scale, {0, 1}, "rate of the log scales");
         field("rotation", rotation, {0, 1}, "rate of the quaternions");
+        field("supported_position", supported_position, {0, 10},
+              "rate of the means that stereo supports (init.support), in their uncertainties at "
+              "the start; falls as that of the others; 0: the rates of the others hold");
+        field("supported_scale", supported_scale, {0, 1}, "rate of the log scales of these splats");
+        field("supported_rotation", supported_rotation, {0, 1},
+              "rate of the quaternions of these splats");
     }
 };
 
@@ -47,10 +54,18 @@ struct AdamBody {
     float *values, *m, *v;
     const float* gradients;
     AdamScale scale;
-    float least;  // values stay at or above it
+    float least;                      // values stay at or above it
+    Span<const float> uncertainty{};  // of splats with `width` numbers each; empty: one rate
+    int width = 1;
+    float supported = 0;            // rate of splats with an uncertainty
+    bool in_uncertainties = false;  // that rate is per unit of the uncertainty
 
+    TVSGS_HD float rate(int i) const {
+        const float u = uncertainty.empty() ? 0 : uncertainty[i / width];
+        return !(u > 0) ? scale.step : in_uncertainties ? supported * u : supported;
+    }
     TVSGS_HD void operator()(int i) const {
-        const float next = adam_update(values[i], gradients[i], m[i], v[i], scale.step, scale.root);
+        const float next = adam_update(values[i], gradients[i], m[i], v[i], rate(i), scale.root);
         values[i] = next < least ? least : next;
     }
 };
@@ -81,13 +96,17 @@ public:
               const int* halted = nullptr) {
         using enum ParameterGroup;
         begin_step(step, extent);
+        const SupportedScale own = supported(step, g);
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
-                                auto& v) {
-            update_group(group, {0, values.size()}, values, dL, m, v, halted);
+                                auto& v, float supported_rate = 0) {
+            update_group(group, {0, values.size()}, values, dL, m, v, halted,
+                         group == opacities ? Span<const float>{} : own.uncertainty,
+                         supported_rate);
         };
-        update(means, g.means, gradients.means, m_.means, v_.means);
-        update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales);
-        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats);
+        update(means, g.means, gradients.means, m_.means, v_.means, own.mean);
+        update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
+               own.log_scale);
+        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats, own.quat);
         if (with_opacity)
             update(opacities, g.opacity_logits, gradients.opacity_logits, m_.opacity_logits,
                    v_.opacity_logits);
@@ -117,6 +136,7 @@ public:
                    {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(), sh_count(sh_degree)},
                    {rate(means), rate(scales), rate(rotations), rate(opacities), root_},
                    {rate(sh_dc), rate(sh_rest), root_},
+                   supported(step, g),
                    with_opacity,
                    halted});
     }
@@ -148,7 +168,9 @@ private:
                       const Buffer<T, Device>& dL,
                       Buffer<T, Device>& m,
                       Buffer<T, Device>& v,
-                      const int* halted) {
+                      const int* halted,
+                      Span<const float> uncertainty = {},
+                      float supported_rate = 0) {
         const auto floats = [&](auto* data) {
             using Float = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(data)>>,
                                              const float, float>;
@@ -163,13 +185,31 @@ private:
                            floats(v.data()),
                            floats(dL.data()),
                            {rate(group), root_},
-                           least},
+                           least,
+                           uncertainty,
+                           static_cast<int>(sizeof(T) / sizeof(float)),
+                           supported_rate,
+                           group == ParameterGroup::means},
                           halted);
     }
 
     void begin_step(int step, float extent) {
         position_rate_ = position_rate(options_, step, extent);
         root_ = adam_scale(1, ++count_).root;
+    }
+
+    /// The rates of splats that stereo supports; none if they have the rates of the others.
+    SupportedScale supported(int step, const Gaussians<Device>& g) const {
+        using enum ParameterGroup;
+        if (!(options_.supported_position > 0) || g.uncertainty.empty()) return {};
+        const auto scaled = [&](float own, ParameterGroup group) {
+            const float factor = rate_factors_[static_cast<std::size_t>(group)];
+            return adam_scale(own * factor, count_).step;
+        };
+        const float fall = position_rate(options_, step, 1) / options_.position_start;
+        return {g.uncertainty.span(), scaled(options_.supported_position * fall, means),
+                scaled(options_.supported_scale, scales),
+                scaled(options_.supported_rotation, rotations)};
     }
 
     /// Rate of the current step with its bias correction.

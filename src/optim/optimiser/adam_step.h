@@ -61,12 +61,28 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
              scale.opacity_logit);
 }
 
+/// Rates of splats that stereo supports, in place of the others': that of the mean is per unit of
+/// the splat's uncertainty.
+struct SupportedScale {
+    Span<const float> uncertainty;  // [N]; empty: all splats have the others' rates
+    float mean = 0, log_scale = 0, quat = 0;
+
+    TVSGS_HD GeometryScale of(int i, const GeometryScale& others) const {
+        GeometryScale scale = others;
+        if (uncertainty.empty() || !(uncertainty[i] > 0)) return scale;
+        scale.mean = mean * uncertainty[i];
+        scale.log_scale = log_scale, scale.quat = quat;
+        return scale;
+    }
+};
+
 struct AdamStep {
     GeometrySpans values, m, v;
     GeometrySpans extra;  // gradients of losses that do not use the image; may be null
     ShAdam sh;
     GeometryScale geometry_scale;
     ShScale sh_scale;
+    SupportedScale supported;
     bool with_opacity;
     const int* halted;  // device memory; where *halted (may be null) is not 0, nothing changes
 };
@@ -79,7 +95,7 @@ TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit
     const bool colored = vjp(i, splat, gradient, visit) && Vjp::kColor;
     if (in.extra.means != nullptr) add(gradient, in.extra.load(i));
     SplatGeometry m = in.m.load(i), v = in.v.load(i);
-    step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
+    step_geometry(splat, gradient, m, v, in.supported.of(i, in.geometry_scale), in.with_opacity);
     in.values.store(i, splat), in.m.store(i, m), in.v.store(i, v);
     return !colored;
 }
