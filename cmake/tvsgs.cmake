@@ -22,11 +22,11 @@ if(TVSGS_WERROR)
 endif()
 # Those who link the installed libraries have warnings of their own.
 target_compile_options(tvsgs_flags INTERFACE
-    "$<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CXX>:${TVSGS_WARNINGS};-fno-math-errno;-fno-trapping-math>>"
+    "$<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CXX>:${TVSGS_WARNINGS};-fno-math-errno;-fno-trapping-math;-fopenmp-simd>>"
     $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr>
-    "$<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-fopenmp;${TVSGS_CUDA_WERROR}>>"
+    "$<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-fopenmp-simd;${TVSGS_CUDA_WERROR}>>"
     $<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CUDA>:-diag-suppress=20012>>)
-target_link_libraries(tvsgs_flags INTERFACE OpenMP::OpenMP_CXX)
+target_link_libraries(tvsgs_flags INTERFACE Threads::Threads)
 if(TVSGS_CUDA)
     target_compile_definitions(tvsgs_flags INTERFACE TVSGS_WITH_CUDA=1)
     # System headers for the C++ files: CUDA's own do not pass our warnings.

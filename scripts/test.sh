@@ -11,5 +11,4 @@ if command -v ccache >/dev/null; then
 fi
 cmake --preset cpu -DTVSGS_WERROR=ON "${launcher[@]}"
 cmake --build --preset cpu --parallel "$(nproc)"
-# Two tests at a time share the cores only if threads that wait sleep.
-OMP_WAIT_POLICY=passive ctest --test-dir build/cpu --output-on-failure --parallel "$(nproc)" "$@"
+ctest --test-dir build/cpu --output-on-failure --parallel "$(nproc)" "$@"

@@ -1,12 +1,11 @@
 #include "apps/bench/stages.h"
 
-#include <omp.h>
-
 #include <cmath>
 
 #include "apps/bench/iteration.h"
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
+#include "core/device/parallel.h"
 #include "core/math/rng.h"
 #include "io/files/atomic_file.h"
 #include "optim/growth/splat_order.h"
@@ -311,8 +310,7 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
     Gaussians<Cpu> g;
     resize(g, c.splats, kShDegree);
     fill_zero(g);
-#pragma omp parallel for schedule(static)
-    for (int splat = 0; splat < c.splats; ++splat) {
+    parallel_for(Cpu{}, c.splats, [&](int splat) {
         const auto i = static_cast<std::size_t>(splat);
         Draws draw(i);
         double x = draw.uniform(0, c.width), y = draw.uniform(0, c.height);
@@ -345,7 +343,7 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
                 static_cast<float>(draw.uniform(-spread, spread))};
         }
         if (c.surface) put_on_relief(c, i, g, draw);
-    }
+    });
     if (c.sorted) sort_by_place(g);
     return g;
 }
@@ -455,7 +453,7 @@ int StagesBench::run() const {
         json.add("bench", "stages")
             .add("version", kVersion)
             .add("device", device.description)
-            .add("threads", omp_get_max_threads())
+            .add("threads", thread_count())
             .add("case", c.name)
             .add("width", c.width)
             .add("height", c.height)

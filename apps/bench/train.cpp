@@ -1,11 +1,10 @@
 #include "apps/bench/train.h"
 
-#include <omp.h>
-
 #include <algorithm>
 
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
+#include "core/device/threads.h"
 #include "io/files/atomic_file.h"
 #include "pipeline/run/signals.h"
 #include "pipeline/run/view_evaluation.h"
@@ -201,7 +200,7 @@ int TrainBench::run() {
     json.add("bench", "train")
         .add("version", kVersion)
         .add("device", device.description)
-        .add("threads", omp_get_max_threads())
+        .add("threads", thread_count())
         .add("scene", options.scene.path)
         .add("views", scene.train.size())
         .add("width", camera.width_px)

@@ -1,7 +1,5 @@
 #include "apps/bench/vote.h"
 
-#include <omp.h>
-
 #include <cmath>
 #include <cstdio>
 #include <string_view>
@@ -10,6 +8,7 @@
 #include "apps/bench/cloud.h"
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
+#include "core/device/threads.h"
 #include "io/files/atomic_file.h"
 #include "pipeline/run/run_options.h"
 
@@ -315,7 +314,7 @@ int VoteBench::time_synthetic() const {
     json.add("bench", "vote")
         .add("version", kVersion)
         .add("device", device.description)
-        .add("threads", omp_get_max_threads())
+        .add("threads", thread_count())
         .add("shape", shape_)
         .add("splats", synthetic_)
         .add("seed", seed_)

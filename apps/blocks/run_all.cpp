@@ -1,12 +1,11 @@
 // tvsgs-blocks run --gpus, --jobs: the blocks side by side, each a `tvsgs-blocks run --block N`.
-#include <omp.h>
-
 #include <algorithm>
 #include <filesystem>
 
 #include "apps/blocks/run.h"
 #include "apps/blocks/subcommands.h"
 #include "core/device/device_choice.h"
+#include "core/device/threads.h"
 #include "core/progress.h"
 #include "pipeline/blocks/blocks_schedule.h"
 #include "plan/memory.h"
@@ -49,7 +48,7 @@ struct Share {
     std::string host_memory;  // empty: by the settings
 
     Share(const RunOptions& options, std::size_t places)
-        : threads(std::max(1, omp_get_max_threads() / static_cast<int>(places))) {
+        : threads(std::max(1, thread_count() / static_cast<int>(places))) {
         if (options.memory.host.empty())
             host_memory = str((memory_limits(options.memory, false).host >> 20) /
                                   static_cast<std::int64_t>(places),

@@ -19,6 +19,7 @@
 #include "apps/common/build_info.h"
 #include "apps/common/help_pages.h"
 #include "core/device/buffer.h"
+#include "core/device/threads.h"
 #include "core/nearest_name.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
@@ -80,6 +81,10 @@ std::string type_of(const CLI::Option& option) {
 void settle_flags(CLI::App& app) {
     app.set_help_flag("-h,--help", "print this page and stop");
     app.set_help_all_flag("--help-all", "print every flag and stop");
+    app.add_option_function<int>(
+           "--threads", [](int count) { set_thread_count(count); },
+           "CPU threads [OMP_NUM_THREADS, else all CPUs that the process may use]")
+        ->check(CLI::Range(1, 4096));
     for (CLI::Option* option : app.get_options()) {
         if (option->get_multi_option_policy() == CLI::MultiOptionPolicy::Throw &&
             option->get_expected_max() == 1)

@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
 
 #include "core/device/parallel_lists.h"
+#include "core/device/threads.h"
 
 namespace tvsgs {
 namespace {
@@ -16,7 +16,7 @@ float term(int i) {
 }
 
 double sum_with(int threads, int count) {
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     Buffer<double, Cpu> partial(kSumBlocks);
     double sum = 0.25;
     add_sum(Cpu{}, count, term, 0.5, partial.span(), &sum);
@@ -25,8 +25,8 @@ double sum_with(int threads, int count) {
 
 class AddSum : public testing::TestWithParam<int> {
 protected:
-    const int threads_before_ = omp_get_max_threads();
-    void TearDown() override { omp_set_num_threads(threads_before_); }
+    const int threads_before_ = thread_count();
+    void TearDown() override { set_thread_count(threads_before_); }
 };
 
 TEST_P(AddSum, AddsTheScaledSum) {

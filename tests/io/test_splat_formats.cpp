@@ -1,12 +1,12 @@
 // Tests splats as GLB and as SOG, and the parts of SOG: codebooks, palettes, archives.
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <zip.h>
 
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "core/device/threads.h"
 #include "io/files/zip_archive.h"
 #include "io/images/webp.h"
 #include "io/splats/codebook.h"
@@ -378,12 +378,12 @@ TEST_F(Sog, HasTheFilesAndPixelsOfTheSpecification) {
 
 TEST_F(Sog, IsTheSameForAnyNumberOfThreads) {
     const Gaussians<Cpu> g = test::random_gaussians(5000, 5);
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int threads = thread_count();
+    set_thread_count(1);
     const std::string one = sog_bytes("a.sog", g);
-    omp_set_num_threads(4);
+    set_thread_count(4);
     const std::string four = sog_bytes("a.sog", g);
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     EXPECT_EQ(one, four);
 }
 

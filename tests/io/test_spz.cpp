@@ -1,11 +1,11 @@
 // Tests SPZ: hand-made bytes, the format's error bounds, rotations of frames by rendering, and
 // damaged files.
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <zlib.h>
 
 #include <cstring>
 
+#include "core/device/threads.h"
 #include "io/splats/splat_errors.h"
 #include "io/splats/spz.h"
 #include "io/splats/spz_math.h"
@@ -317,12 +317,12 @@ TEST(SplatFrame, TurnsHarmonicsAndShapesAlike) {
 
 TEST(Spz, IsTheSameForAnyNumberOfThreads) {
     const Gaussians<Cpu> g = test::random_gaussians(3000, 5);
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int threads = thread_count();
+    set_thread_count(1);
     const Bytes one = spz_bytes(g);
-    omp_set_num_threads(5);
+    set_thread_count(5);
     const Bytes five = spz_bytes(g);
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     EXPECT_EQ(one, five);
 }
 

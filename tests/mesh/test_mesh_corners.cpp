@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,10 +20,10 @@ namespace {
 /// Result of `make` with so many threads.
 template <class Make>
 auto with_threads(int count, const Make& make) {
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(count);
+    const int threads = thread_count();
+    set_thread_count(count);
     auto made = make();
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     return made;
 }
 

@@ -1,11 +1,11 @@
 // What views say of a surface, and which components stay by it.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <cmath>
 #include <cstring>
 #include <limits>
 
+#include "core/device/threads.h"
 #include "core/scene/scene.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend/mesh_clean.h"
@@ -354,12 +354,12 @@ TEST(Components, SameBytesForAnyNumberOfThreads) {
     std::vector<EvidenceView> views = views_of(sound);
     views[0] = view_of(all, kEyes[0]);
     const auto with_threads = [&](int count) {
-        const int threads = omp_get_max_threads();
-        omp_set_num_threads(count);
+        const int threads = thread_count();
+        set_thread_count(count);
         TriangleMesh mesh = all;
         keep_seen_components(mesh, source_of(views));
         count_views(mesh, source_of(views));
-        omp_set_num_threads(threads);
+        set_thread_count(threads);
         return mesh;
     };
     const TriangleMesh one = with_threads(1), four = with_threads(4);

@@ -1,12 +1,12 @@
 // Small holes are closed where no view contradicts, and nothing else is.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <random>
 
+#include "core/device/threads.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend/mesh_holes.h"
 #include "mesh/mend/mesh_loops.h"
@@ -453,14 +453,14 @@ TEST(Holes, OddInput) {
 
 TEST(Holes, SameBytesForAnyNumberOfThreads) {
     const auto with_threads = [&](int count) {
-        const int threads = omp_get_max_threads();
-        omp_set_num_threads(count);
+        const int threads = thread_count();
+        set_thread_count(count);
         TriangleMesh mesh = without(welded(ball({0, 0, 0}, 1, 60)), [](Vec3f p) {
             return std::sin(23 * p.x) + std::sin(19 * p.y) + std::sin(29 * p.z) > 2.3f;
         });
         const HoleReport report = close(mesh, blind({{0, 0.01, 5}, {5, 0, 1}}), 12);
         EXPECT_GT(report.closed, 10u);
-        omp_set_num_threads(threads);
+        set_thread_count(threads);
         EXPECT_TRUE(topology(mesh).sound);
         return mesh;
     };

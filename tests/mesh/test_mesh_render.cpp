@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <cmath>
 
+#include "core/device/threads.h"
 #include "mesh/draw/mesh_render.h"
 
 namespace tvsgs {
@@ -107,12 +107,12 @@ TEST(MeshRender, EmptyMeshAndUnusedVertices) {
 TEST(MeshRender, DoesNotDependOnThreads) {
     const Camera camera = test_camera();
     const TriangleMesh mesh = plane(camera, normalize(Vec3f{0.3f, -0.2f, 1}), 2);
-    const int before = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int before = thread_count();
+    set_thread_count(1);
     const ImageF one = render_mesh(mesh, camera, {.supersampling = 3}).color;
-    omp_set_num_threads(7);
+    set_thread_count(7);
     const ImageF many = render_mesh(mesh, camera, {.supersampling = 3}).color;
-    omp_set_num_threads(before);
+    set_thread_count(before);
     EXPECT_EQ(one.pixels, many.pixels);
 }
 

@@ -1,12 +1,12 @@
 // Roughness comes off, within its bound; creases and rims stay.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <utility>
 
+#include "core/device/threads.h"
 #include "mesh/mend/mesh_smooth.h"
 #include "mesh/shapes.h"
 #include "mesh/simplify_shapes.h"
@@ -153,11 +153,11 @@ TEST(Smooth, KeepsARodsRadius) {
 
 TEST(Smooth, SameBytesForAnyNumberOfThreads) {
     const auto with_threads = [](int count) {
-        const int threads = omp_get_max_threads();
-        omp_set_num_threads(count);
+        const int threads = thread_count();
+        set_thread_count(count);
         TriangleMesh mesh = roughened(weld(ball({}, 0.5, 20)), 0.5 * kPixel);
         smooth_surface(mesh, kCameras, 1);
-        omp_set_num_threads(threads);
+        set_thread_count(threads);
         return mesh;
     };
     EXPECT_TRUE(same_bytes(with_threads(1), with_threads(2)));

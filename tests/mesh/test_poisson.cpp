@@ -1,6 +1,5 @@
 // Closed surfaces of oriented points: shapes whose volume and genus are known.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +10,7 @@
 #include <map>
 #include <set>
 
+#include "core/device/threads.h"
 #include "core/error.h"
 #include "mesh/closed/poisson.h"
 #include "mesh/closed/poisson_solve.h"
@@ -259,13 +259,13 @@ TEST(Poisson, HalfOfASphereIsClosed) {
 
 TEST(Poisson, SameBytesForAnyThreadsAndParts) {
     const OrientedPoints points = torus(20000);
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int threads = thread_count();
+    set_thread_count(1);
     const TriangleMesh one = closed(points, 0.04f);
-    omp_set_num_threads(4);
+    set_thread_count(4);
     const TriangleMesh four = closed(points, 0.04f);
     const TriangleMesh parts = poisson_surface(solve_poisson(points, {}, {0.04f, 0}), 100 * 16384);
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     const auto same = [](const TriangleMesh& a, const TriangleMesh& b) {
         return a.vertices.size() == b.vertices.size() && a.faces.size() == b.faces.size() &&
                std::memcmp(a.vertices.data(), b.vertices.data(),

@@ -1,9 +1,9 @@
 // Simplified surfaces: how far they are from what they were, how small, and what stays whole.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <limits>
 
+#include "core/device/threads.h"
 #include "core/error.h"
 #include "mesh/mend/triangle_tree.h"
 #include "mesh/simplify/simplify.h"
@@ -464,13 +464,13 @@ TEST(Simplify, GroupsLeaveNoSeamsAndThreadsDoNotMatter) {
     });
     for (const Vec3f p : before.vertices) before.colors.push_back({p.x / 4, p.y / 4, 0});
     const std::vector<Camera> cameras{looking({2, 2, 10}, {2, 2, 0}, 1000)};
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int threads = thread_count();
+    set_thread_count(1);
     TriangleMesh one = before, four = before;
     const SimplifyReport report = simplify(one, cameras, {});
-    omp_set_num_threads(4);
+    set_thread_count(4);
     simplify(four, cameras, {});
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     const auto same = [](Vec3f a, Vec3f b) { return a.x == b.x && a.y == b.y && a.z == b.z; };
     EXPECT_TRUE(std::equal(one.vertices.begin(), one.vertices.end(), four.vertices.begin(),
                            four.vertices.end(), same));

@@ -1,12 +1,12 @@
 // Textures of a box whose colours are known at every point: from photographs rendered with twice
 // its resolution, into charts, back onto the surface.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <cmath>
 #include <set>
 
+#include "core/device/threads.h"
 #include "mesh/draw/mesh_render.h"
 #include "mesh/shapes.h"
 #include "mesh/sphere_views.h"
@@ -380,17 +380,17 @@ TEST(Texture, DoesNotDependOnThreads) {
     std::erase_if(cameras, [](const Camera& c) { return camera_centre(c).z < -1; });
     const std::vector<View> views = photographs(fine, cameras);
     EXPECT_GT(views.size(), 16u);
-    const int before = omp_get_max_threads();
+    const int before = thread_count();
     std::vector<MeshTexture> textures;
     for (const int threads : {1, 2, 3}) {
-        omp_set_num_threads(threads);
+        set_thread_count(threads);
         TextureReport report;
         textures.push_back(make_texture(mesh, views, {}, &report));
         EXPECT_GT(report.tiles, report.unseen);
         EXPECT_GT(report.unseen, 0);
         EXPECT_GT(report.charts, 5);
     }
-    omp_set_num_threads(before);
+    set_thread_count(before);
     const MeshTexture& one = textures[0];
     for (const MeshTexture& other : {textures[1], textures[2]}) {
         EXPECT_EQ(one.image.pixels, other.image.pixels);

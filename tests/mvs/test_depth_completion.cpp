@@ -1,8 +1,8 @@
 // Tests depth completion: against a direct solution, at edges and masks, and in other units.
-#include <omp.h>
 
 #include <cmath>
 
+#include "core/device/threads.h"
 #include "mvs/stereo/depth_completion.h"
 #include "support/numeric.h"
 
@@ -131,12 +131,12 @@ TEST(CompleteDepth, NothingKnownStaysNothing) {
 TEST(CompleteDepth, SameBitsForAnyNumberOfThreads) {
     const SparseDepth d = random_case(300, 250, 0.1, 4);
     const std::vector<float> many = complete_depth(d);
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int threads = thread_count();
+    set_thread_count(1);
     EXPECT_EQ(many, complete_depth(d));
-    omp_set_num_threads(3);
+    set_thread_count(3);
     EXPECT_EQ(many, complete_depth(d));
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
 }
 
 }  // namespace

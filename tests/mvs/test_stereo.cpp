@@ -1,9 +1,9 @@
 // Tests depth, normals and the cloud on scenes with known surfaces.
-#include <omp.h>
 
 #include <algorithm>
 
 #include "analytic_scene.h"
+#include "core/device/threads.h"
 #include "core/error.h"
 #include "mvs/stereo/patch_match.h"
 #include "support/numeric.h"
@@ -214,12 +214,12 @@ TEST(Stereo, MasksLimitIt) {
 
 TEST(Stereo, SameBitsForAnyNumberOfThreads) {
     const std::vector<View> views = test::arc_views(3, textured, 64, 48);
-    const int before = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int before = thread_count();
+    set_thread_count(1);
     const StereoResult a = run<Cpu>(views);
-    omp_set_num_threads(3);
+    set_thread_count(3);
     const StereoResult b = run<Cpu>(views);
-    omp_set_num_threads(before);
+    set_thread_count(before);
     ASSERT_GT(a.cloud.positions.size(), 500u);
     ASSERT_EQ(a.cloud.positions.size(), b.cloud.positions.size());
     for (std::size_t i = 0; i < a.cloud.positions.size(); ++i)

@@ -1,8 +1,8 @@
 // The whole training loop on a scene of a few pixels.
-#include <omp.h>
 
 #include <cstring>
 
+#include "core/device/threads.h"
 #include "training_scene.h"
 
 namespace tvsgs {
@@ -91,12 +91,12 @@ TEST(Train, EveryTermActsAndGrowthHappens) {
 TEST(Train, TheSameBitsWithAnyNumberOfThreads) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(42);
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    const int threads = thread_count();
+    set_thread_count(1);
     const Training a = run<Cpu>(scene, options);
-    omp_set_num_threads(3);
+    set_thread_count(3);
     const Training b = run<Cpu>(scene, options);
-    omp_set_num_threads(threads);
+    set_thread_count(threads);
     EXPECT_TRUE(same_bits(a.gaussians, b.gaussians));
     EXPECT_EQ(a.reports.back().loss, b.reports.back().loss);
     options.seed = 1;

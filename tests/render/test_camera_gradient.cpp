@@ -1,11 +1,11 @@
 // Tests dL/d of a camera: each rasteriser against differences of a brute-force renderer in double,
 // and the devices against each other.
-#include <omp.h>
 
 #include <algorithm>
 #include <cstring>
 #include <functional>
 
+#include "core/device/threads.h"
 #include "render/backbone.h"
 #include "render/ewa/projection_math.h"
 #include "render/surfel/surfel_math.h"
@@ -200,11 +200,11 @@ TEST_P(OfCamera, DoesNotDependOnMapsThatNobodyDifferentiates) {
 TEST_P(OfCamera, BitIdenticalForAnyNumberOfThreads) {
     const Gaussians<Cpu> g = random_gaussians(6000, 5, 0.1);
     const Camera camera = test_camera(kSide, kSide);
-    omp_set_num_threads(1);
+    set_thread_count(1);
     const auto one = gradient_of<Cpu>(GetParam(), g, camera);
-    omp_set_num_threads(3);
+    set_thread_count(3);
     const auto three = gradient_of<Cpu>(GetParam(), g, camera);
-    omp_set_num_threads(omp_get_num_procs());
+    set_thread_count(omp_get_num_procs());
     EXPECT_EQ(0, std::memcmp(one.data(), three.data(), one.size() * sizeof(double)));
 }
 

@@ -1,11 +1,11 @@
 // Tests depth along rays, mean and median, in the whole rasteriser: against brute force in double,
 // on known surfaces, with extreme inputs, and between devices.
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <cstring>
 
+#include "core/device/threads.h"
 #include "core/error.h"
 #include "double_splats.h"
 #include "render/backbone.h"
@@ -401,11 +401,11 @@ bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
 TEST(RayDepth, BitIdenticalForAnyNumberOfThreads) {
     const auto g = random_gaussians(500, 13);
     for (const SurfaceDepth kind : kKinds) {
-        omp_set_num_threads(1);
+        set_thread_count(1);
         const auto one = run<Cpu>(g, test_camera(64, 48), kind, kAll);
-        omp_set_num_threads(4);
+        set_thread_count(4);
         const auto four = run<Cpu>(g, test_camera(64, 48), kind, kAll);
-        omp_set_num_threads(omp_get_num_procs());
+        set_thread_count(omp_get_num_procs());
         EXPECT_TRUE(same_bits(one.depth, four.depth));
         EXPECT_TRUE(same_bits(one.means, four.means));
     }

@@ -1,11 +1,11 @@
 // Tests the whole EWA rasteriser: against brute force in double, on scenes with known results, and
 // between devices.
-#include <omp.h>
 
 #include <algorithm>
 #include <cstring>
 #include <functional>
 
+#include "core/device/threads.h"
 #include "render/backbone.h"
 #include "render/ewa/projection_math.h"
 #include "render/tiles/blend_math.h"
@@ -304,7 +304,7 @@ TEST(Render, BitIdenticalForAnyNumberOfThreads) {
     const auto g = random_gaussians(500, 13);
     const Camera camera = test_camera(64, 48);
     const auto run = [&](int threads) {
-        omp_set_num_threads(threads);
+        set_thread_count(threads);
         auto backbone = make_backbone<Cpu>("ewa", {});
         backbone->forward(g, camera, 3, Maps::color | kGeometryMaps);
         Gaussians<Cpu> dL;
@@ -314,7 +314,7 @@ TEST(Render, BitIdenticalForAnyNumberOfThreads) {
         return to_host(dL.means);
     };
     const auto one = run(1), four = run(4);
-    omp_set_num_threads(omp_get_num_procs());
+    set_thread_count(omp_get_num_procs());
     EXPECT_EQ(0, std::memcmp(one.data(), four.data(), one.size() * sizeof(Vec3f)));
 }
 

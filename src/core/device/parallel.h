@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "core/device/buffer.h"
+#include "core/device/threads.h"
 
 #if defined(__CUDACC__)
 #include "core/device/cuda_runtime.h"
@@ -18,15 +19,17 @@ namespace tvsgs {
 /// does not depend on the number of threads.
 template <class Body>
 void parallel_for(Cpu, int count, const Body& body) {
-#pragma omp parallel for schedule(dynamic, 256) if (count > 256)
-    for (int i = 0; i < count; ++i) body(i);
+    constexpr int kChunk = 256;
+    run_chunks((count + kChunk - 1) / kChunk, [&](int chunk, int /*slot*/) {
+        const int end = std::min(count, (chunk + 1) * kChunk);
+        for (int i = chunk * kChunk; i < end; ++i) body(i);
+    });
 }
 
 /// Like parallel_for, for few and heavy bodies (tiles, rows).
 template <class Body>
 void parallel_for_heavy(Cpu, int count, const Body& body) {
-#pragma omp parallel for schedule(dynamic, 1)
-    for (int i = 0; i < count; ++i) body(i);
+    run_chunks(count, [&](int i, int /*slot*/) { body(i); });
 }
 
 /// *target += value, safe when several bodies add to one element. Integers only: their sum does not
@@ -62,13 +65,16 @@ inline constexpr int kSumBlocks = 256;
 template <class Term>
 void add_sum(Cpu, int count, const Term& term, double scale, Span<double> partial, double* sum) {
     const int chunk = (count + kSumBlocks - 1) / kSumBlocks;
-#pragma omp parallel for schedule(dynamic, 1) if (count > 4096)
-    for (int block = 0; block < kSumBlocks; ++block) {
+    const auto sum_block = [&](int block, int /*slot*/ = 0) {
         double s = 0;
         for (int i = block * chunk; i < std::min(count, (block + 1) * chunk); ++i)
             s += static_cast<double>(term(i));
         partial[block] = s;
-    }
+    };
+    if (count > 4096)
+        run_chunks(kSumBlocks, sum_block);
+    else
+        for (int block = 0; block < kSumBlocks; ++block) sum_block(block);
     double total = 0;
     for (int block = 0; block < kSumBlocks; ++block) total += partial[block];
     *sum += scale * total;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
 
 namespace tvsgs {
@@ -61,13 +62,12 @@ std::optional<NotFinite> find_not_finite(const State& state) {
         if (!array.real) continue;
         const std::size_t floats = array.bytes.size() / 4;
         const int chunks = static_cast<int>((floats + kChunk - 1) / kChunk);
-        int first = chunks;
-#pragma omp parallel for reduction(min : first) if (chunks > 1)
-        for (int chunk = 0; chunk < chunks; ++chunk) {
+        std::int64_t first = chunks;
+        parallel_for_heavy(Cpu{}, chunks, [&](int chunk) {
             const std::size_t begin = static_cast<std::size_t>(chunk) * kChunk;
             if (any_not_finite(array.bytes.data() + 4 * begin, std::min(kChunk, floats - begin)))
-                first = std::min(first, chunk);
-        }
+                min_atomically(&first, chunk);
+        });
         if (first == chunks) continue;
         std::size_t i = static_cast<std::size_t>(first) * kChunk;
         while (!not_finite(array.bytes.data() + 4 * i)) ++i;

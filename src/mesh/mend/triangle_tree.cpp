@@ -107,23 +107,20 @@ struct TriangleTree::Builder {
         return middle == begin || middle == end ? halve() : std::size_t(middle - items.begin());
     }
 
-    /// Adds the nodes of items [first, last); the `place` of leaves counts from the first item of
-    /// all.
-    void append(std::size_t first, std::size_t last, int depth, std::vector<Node>& out) const {
+    /// Adds the node of items [first, last) without its children. Returns the first item of the
+    /// second child, `last` for a leaf, whose `place` is its first item.
+    std::size_t add_node(std::size_t first,
+                         std::size_t last,
+                         int depth,
+                         std::vector<Node>& out) const {
         if (!codes.empty() && last - first > kCut && codes[first] != codes[last - 1]) {
-            const std::size_t at = out.size();
-            out.emplace_back();
-            // Where the highest bit changes that does.
+            out.emplace_back();  // add_children() sets the box
+            // The cut is where the highest bit changes that differs within the range.
             const std::uint32_t high = std::bit_floor(codes[first] ^ codes[last - 1]),
                                 start = (codes[last - 1] & ~(high - 1));
             const auto middle = std::lower_bound(codes.begin() + std::ptrdiff_t(first),
                                                  codes.begin() + std::ptrdiff_t(last), start);
-            fork(first, std::size_t(middle - codes.begin()), last, depth, out);
-            const Node &a = out[at + 1], &b = out[at + out[at].place];
-            Box both{a.lower, a.upper};
-            both.add({b.lower, b.upper});
-            out[at].lower = both.lower, out[at].upper = both.upper;
-            return;
+            return std::size_t(middle - codes.begin());
         }
         Box box, middles;
         for (std::size_t i = first; i < last; ++i) {
@@ -136,32 +133,85 @@ struct TriangleTree::Builder {
         const std::size_t count = last - first;
         out.push_back({box.lower, static_cast<std::uint32_t>(first), box.upper,
                        static_cast<std::uint32_t>(count)});
-        if (count <= kLeaf) return;
-        fork(first, cut(first, last, middles, depth), last, depth, out);
+        return count > kLeaf ? cut(first, last, middles, depth) : last;
     }
 
-    /// Adds what is on both sides of a cut to the node that is last.
-    void fork(std::size_t first,
-              std::size_t middle,
-              std::size_t last,
-              int depth,
-              std::vector<Node>& out) const {
-        const std::size_t at = out.size() - 1;
-        const bool large = last - first > kTask;
-        std::vector<Node> second;  // where another thread works at it
-        if (large) {
-#pragma omp task shared(second)
-            append(middle, last, depth + 1, second);
+    /// Calls the two functions, which add the children of out[at], and makes it their parent.
+    template <class First, class Second>
+    static void add_children(std::size_t at,
+                             std::vector<Node>& out,
+                             const First& first,
+                             const Second& second) {
+        first();
+        const std::size_t place = out.size() - at;
+        second();
+        const Node &a = out[at + 1], &b = out[at + place];
+        Box both{a.lower, a.upper};
+        both.add({b.lower, b.upper});
+        out[at] = {both.lower, static_cast<std::uint32_t>(place), both.upper, 0};
+    }
+
+    /// Adds the tree of items [first, last).
+    void append(std::size_t first, std::size_t last, int depth, std::vector<Node>& out) const {
+        const std::size_t at = out.size(), middle = add_node(first, last, depth, out);
+        if (middle == last) return;
+        add_children(
+            at, out, [&] { append(first, middle, depth + 1, out); },
+            [&] { append(middle, last, depth + 1, out); });
+    }
+
+    /// A range of items: a whole tree, or one node and two further parts.
+    struct Part {
+        std::size_t first, last;
+        int depth;
+        std::size_t children = 0;  // index of the first of two; 0: none
+        std::vector<Node> nodes = {};
+    };
+
+    void append_part(const std::vector<Part>& parts,
+                     std::size_t index,
+                     std::vector<Node>& out) const {
+        const Part& part = parts[index];
+        const std::size_t at = out.size();
+        out.insert(out.end(), part.nodes.begin(), part.nodes.end());
+        if (part.children == 0) return;
+        add_children(
+            at, out, [&] { append_part(parts, part.children, out); },
+            [&] { append_part(parts, part.children + 1, out); });
+    }
+
+    /// The tree of all items. Threads cut the large ranges of a level, and then build the parts.
+    std::vector<Node> build() const {
+        constexpr int kLevels = 7;
+        std::vector<Part> parts{{0, items.size(), 0}};
+        std::size_t begin = 0;
+        for (int level = 0; level < kLevels; ++level) {
+            const std::size_t end = parts.size();
+            std::vector<std::size_t> middles(end - begin);
+            parallel_for_heavy(Cpu{}, static_cast<int>(end - begin), [&](int i) {
+                const auto at = static_cast<std::size_t>(i);
+                Part& part = parts[begin + at];
+                middles[at] = part.last - part.first > kTask
+                                  ? add_node(part.first, part.last, part.depth, part.nodes)
+                                  : part.last;
+            });
+            for (std::size_t i = begin; i < end; ++i) {
+                const std::size_t first = parts[i].first, last = parts[i].last,
+                                  middle = middles[i - begin];
+                if (middle == last) continue;
+                parts[i].children = parts.size();
+                parts.push_back({first, middle, parts[i].depth + 1});
+                parts.push_back({middle, last, parts[i].depth + 1});
+            }
+            begin = end;
         }
-        append(first, middle, depth + 1, out);
-        out[at].count = 0;
-        out[at].place = static_cast<std::uint32_t>(out.size() - at);
-        if (large) {
-#pragma omp taskwait
-            out.insert(out.end(), second.begin(), second.end());
-        } else {
-            append(middle, last, depth + 1, out);
-        }
+        parallel_for_heavy(Cpu{}, static_cast<int>(parts.size()), [&](int i) {
+            Part& part = parts[static_cast<std::size_t>(i)];
+            if (part.children == 0) append(part.first, part.last, part.depth, part.nodes);
+        });
+        std::vector<Node> out;
+        append_part(parts, 0, out);
+        return out;
     }
 };
 
@@ -195,10 +245,7 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) 
     if (not_finite < count)
         left_out_ = std::erase_if(items, [](const Item& item) { return item.face == kNoFace; });
     if (items.empty()) return;
-#pragma omp parallel
-#pragma omp single
-    Builder{items, left_out_ > 0 ? std::vector<std::uint32_t>() : order.codes}.append(
-        0, items.size(), 0, nodes_);
+    nodes_ = Builder{items, left_out_ > 0 ? std::vector<std::uint32_t>() : order.codes}.build();
     triangles_.resize(items.size());
     parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);

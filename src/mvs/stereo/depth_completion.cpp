@@ -20,8 +20,16 @@ using Values = std::vector<double>;
 /// Like parallel_for(), but serial for small loops, of which there are hundreds.
 template <class Body>
 void for_each_pixel(std::size_t count, const Body& body) {
-#pragma omp parallel for schedule(static) if (count > 65536)
-    for (std::size_t i = 0; i < count; ++i) body(i);
+    constexpr std::size_t kChunk = 32768;
+    const auto run = [&](int chunk, int /*slot*/ = 0) {
+        const std::size_t begin = static_cast<std::size_t>(chunk) * kChunk;
+        for (std::size_t i = begin; i < std::min(count, begin + kChunk); ++i) body(i);
+    };
+    const int chunks = static_cast<int>((count + kChunk - 1) / kChunk);
+    if (chunks > 2)
+        run_chunks(chunks, run);
+    else
+        for (int chunk = 0; chunk < chunks; ++chunk) run(chunk);
 }
 
 /// The problem at one size, in inverse depth.

@@ -3,15 +3,12 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <type_traits>
 #include <vector>
 
 #include "core/device/parallel.h"
 #include "render/tiles/tiles.h"
-
-#if defined(_OPENMP)
-#include <omp.h>
-#endif
 
 namespace tvsgs {
 
@@ -107,16 +104,16 @@ private:
     template <class Splats, class Project>
     void find_once(int count, const Project& project, Buffer<float, Cpu>& radii, Splats& splats) {
         constexpr int kChunk = 256;
-        std::vector<Splats> own(threads());
+        std::vector<Splats> own(static_cast<std::size_t>(thread_count()));
         for (Splats& records : own) records.resize(kChunk);
         std::uint32_t in_view = 0;
         do {
             splats.resize(room_);
             in_view = 0;
-#pragma omp parallel for ordered schedule(dynamic, 1)
-            for (int begin = 0; begin < count; begin += kChunk) {
-                const int end = std::min(count, begin + kChunk);
-                Splats& records = own[thread()];
+            std::atomic<int> turn = 0;  // the chunk whose records are placed next
+            run_chunks((count + kChunk - 1) / kChunk, [&](int chunk, int slot) {
+                const int begin = chunk * kChunk, end = std::min(count, begin + kChunk);
+                Splats& records = own[static_cast<std::size_t>(slot)];
                 const auto projection = project(records);
                 typename std::remove_const_t<decltype(projection)>::Found found;
                 std::uint32_t here = 0, first = 0;
@@ -127,18 +124,19 @@ private:
                     radii[at] = seen ? projection.radius(found) : 0;
                     if (seen) projection.store(i, found, here++);
                 }
-#pragma omp ordered
+                for (int now; (now = turn.load(std::memory_order_acquire)) != chunk;)
+                    turn.wait(now, std::memory_order_relaxed);
                 first = in_view, in_view += here;
+                turn.store(chunk + 1, std::memory_order_release);
+                turn.notify_all();
                 for (int i = begin; i < end; ++i) before_[static_cast<std::size_t>(i)] += first;
                 if (in_room(first, here)) copy_records(records, here, splats, first);
-            }
+            });
         } while (!found_room(in_view));
         before_[static_cast<std::size_t>(count)] = in_view;
         splats.resize(in_view);
     }
-    bool in_room(std::size_t first, std::size_t count) const {
-        return first + count <= room_;
-    }
+    bool in_room(std::size_t first, std::size_t count) const { return first + count <= room_; }
     template <class Splats>
     static void copy_records(const Splats& from,
                              std::uint32_t count,
@@ -169,22 +167,6 @@ private:
         splats.in_view = all;
         parallel_for(Device{}, count, StoreBody<Projection>{project(splats), places(radii)});
     }
-
-#if defined(_OPENMP)
-    static std::size_t threads() {
-        return static_cast<std::size_t>(omp_get_max_threads());
-    }
-    static std::size_t thread() {
-        return static_cast<std::size_t>(omp_get_thread_num());
-    }
-#else
-    static std::size_t threads() {
-        return 1;
-    }
-    static std::size_t thread() {
-        return 0;
-    }
-#endif
 
     Buffer<std::uint32_t, Device> before_;
     Buffer<std::uint8_t, Device> temporary_;  // CUDA only

@@ -12,6 +12,7 @@
 
 #include "core/device/buffer.h"
 #include "core/device/device.h"
+#include "core/device/threads.h"
 #include "core/math/abreast.h"
 
 namespace tvsgs {
@@ -170,21 +171,22 @@ TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
     [[maybe_unused]] const bool wide = has_wide_packs();
-#pragma omp parallel if (count > 256)
-    {
-        std::vector<std::uint64_t> scratch(scratch_bytes / sizeof(std::uint64_t) + 1);
-#pragma omp for schedule(dynamic, 16)
-        for (int i = 0; i < count; ++i) {
-            void* const memory = scratch.data();
+    constexpr int kChunk = 16;
+    const std::size_t words = scratch_bytes / sizeof(std::uint64_t) + 1;
+    std::vector<std::vector<std::uint64_t>> scratch(static_cast<std::size_t>(thread_count()));
+    run_chunks((count + kChunk - 1) / kChunk, [&](int chunk, int slot) {
+        auto& memory = scratch[static_cast<std::size_t>(slot)];
+        memory.resize(words);
+        for (int i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
             if constexpr (requires { Body::kPacks; }) {
                 if (wide) {
-                    detail::call_wide(body, i, memory);
+                    detail::call_wide(body, i, memory.data());
                     continue;
                 }
             }
-            body(SerialWarp{}, i, memory);
+            body(SerialWarp{}, i, memory.data());
         }
-    }
+    });
 }
 #endif
 
