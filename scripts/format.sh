@@ -18,7 +18,7 @@ esac
 formatter=clang-format-14
 command -v "$formatter" >/dev/null || scripts/install_packages.sh "$formatter"
 
-mapfile -d '' files < <(find src apps tests -type f \( -name '*.h' -o -name '*.cpp' -o -name '*.cu' -o -name '*.js' \) -print0)
+mapfile -d '' files < <(find src apps tests examples -type f \( -name '*.h' -o -name '*.cpp' -o -name '*.cu' -o -name '*.js' \) -print0)
 mapfile -t differing < <(printf '%s\0' "${files[@]}" | xargs -0 -n 50 -P "$(nproc)" "$formatter" --dry-run 2>&1 |
     sed -n 's/^\([^:]*\):[0-9]*:[0-9]*: .*\[-Wclang-format-violations\].*/\1/p' | sort --unique)
 

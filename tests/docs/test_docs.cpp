@@ -25,7 +25,7 @@ std::vector<fs::path> citing_files() {
                                                    ".md", ".txt", ".json", ".cmake"};
     std::vector<fs::path> files;
     for (const char* folder :
-         {"src", "apps", "tests", "docs", "scripts", "configs", "matrices", "cmake"})
+         {"src", "apps", "tests", "docs", "examples", "scripts", "configs", "matrices", "cmake"})
         for (const auto& entry : fs::recursive_directory_iterator(kSource / folder))
             if (entry.is_regular_file() && kExtensions.contains(entry.path().extension()) &&
                 entry.path().filename() != "test_docs.cpp")
@@ -200,7 +200,7 @@ bool stands_in(const std::string& excerpt, const std::string& file) {
 
 /// The fenced C++ of a page, each with the last file that the page names above it.
 std::vector<std::pair<std::string, std::string>> excerpts_of(const std::string& page) {
-    static const std::regex kFile(R"(`((?:src|apps|tests)/[\w/.-]+\.(?:h|cpp|cu))`)");
+    static const std::regex kFile(R"(`((?:src|apps|tests|examples)/[\w/.-]+\.(?:h|cpp|cu))`)");
     std::vector<std::pair<std::string, std::string>> excerpts;
     std::istringstream lines(page);
     std::string file;

@@ -1,4 +1,4 @@
-// What docs/develop/ tells a newcomer to write compiles, trains, and needs nothing of ours changed.
+// Compiles and runs the headers of examples/, which the pages of docs/develop/ explain.
 #include <gtest/gtest.h>
 
 #include "core/error.h"
@@ -34,7 +34,7 @@ Scene scene_of_dots() {
     return scene;
 }
 
-TEST(ToyBackbone, GradientsAreThoseOfItsImages) {
+TEST(ToyBackbone, GradientsMatchItsImages) {
     Gaussians<Cpu> g = test::random_gaussians(10, 5, 0.1, 0), dL;
     const Camera camera = test::test_camera(40, 30, 0);
     examples::ToyBackbone backbone;
@@ -81,7 +81,7 @@ TEST(ToyBackbone, TrainsByItsName) {
     EXPECT_GT(trained.size(), 0);
 }
 
-/// The scene of dots with maps that want it darker than its photographs; the last view has none.
+/// The scene of dots; the first two views have maps darker than their photographs.
 Scene scene_with_maps() {
     Scene scene = scene_of_dots();
     for (std::size_t v = 0; v < 2; ++v) {
@@ -102,7 +102,7 @@ double value_of(const TrainReport& report, std::string_view term) {
     return -1;
 }
 
-TEST(ToyLoss, DerivativesAreThoseOfItsValue) {
+TEST(ToyLoss, DerivativesMatchItsValue) {
     examples::BrightnessLoss<Cpu> loss({3, 1});
     RenderedImages<Cpu> images;
     copy(std::vector<Vec3f>{{0.2f, 0.4f, 0.9f}, {1, 0, 0.3f}}, images.color);
@@ -193,7 +193,7 @@ TEST(ViewMaps, MasksAreMapsAndNamesAreListedOnce) {
     EXPECT_EQ(views.get(1).map("depth"), nullptr);
 }
 
-/// Keeps the distance of each splat from the nearest camera, looked up now and then.
+/// Stores the distance of each splat from the nearest camera; updates it every seventh step.
 class KeepingBackbone : public examples::ToyBackbone {
 public:
     void prepare(int step,
@@ -219,8 +219,8 @@ public:
     }
 };
 
-/// What a rasteriser keeps beside the parameters grows, moves and is saved with the splats.
-TEST(ToyBackbone, AnArrayOfItsOwnIsPartOfTheSplats) {
+/// An array that a backbone adds is grown, moved and saved with the splats.
+TEST(ToyBackbone, ItsArrayIsPartOfTheSplats) {
     add_backbone<Cpu>("keeping",
                       [](const BackboneOptions&) { return std::make_unique<KeepingBackbone>(); });
     TrainOptions options;

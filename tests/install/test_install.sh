@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What `cmake --install` makes: commands that run from there, manuals, and a program of others that is built on it.
+# Checks an installation: the commands run, manuals are complete, and the example program builds against it.
 # Usage: test_install.sh BUILD_DIR CXX
 set -euo pipefail
 build=$1 cxx=$2
@@ -58,10 +58,11 @@ for program in "$prefix"/bin/tvsgs*; do
     ! ldd "$program" | grep -E 'libmatio|libhdf5|libcurl|libldap|libkrb5' || fail "$program links them"
 done
 
-# A program of ten lines that links the libraries.
-cmake -S "$here/consumer" -B consumer -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_COMPILER="$cxx" \
+# The example program finds, links and uses the installed libraries.
+cmake -S "$here/../../examples/program" -B program -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_COMPILER="$cxx" \
     -Dtvsgs_ROOT="$prefix" >"$work/log" || fail "find_package: $(cat log)"
-grep -q "tvsgs_DIR:PATH=$prefix" consumer/CMakeCache.txt || fail "another tvsgs was found"
-cmake --build consumer >"$work/log" || fail "the consumer does not build: $(cat log)"
+grep -q "tvsgs_DIR:PATH=$prefix" program/CMakeCache.txt || fail "another tvsgs was found"
+cmake --build program >"$work/log" || fail "the example program does not build: $(cat log)"
 "$prefix/bin/tvsgs-synth" --out scene --views 2 --width 16 --height 16 --points 50 --quiet
-consumer/consumer scene/gt/points.ply || fail "the consumer does not run"
+program/train_darker scene splats.ply 20 || fail "the example program does not train"
+"$prefix/bin/tvsgs-export" splats.ply splats.spz --quiet || fail "splats.ply is not readable"

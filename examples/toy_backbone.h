@@ -1,5 +1,5 @@
-// A rasteriser of one's own, as small as can be, from the public interfaces alone: every splat is a
-// round dot of its opacity and plain colour, and dots add up. docs/develop/add-a-backbone.md
+// The smallest backbone, from public headers alone: every splat is a round dot with its opacity and
+// plain colour, and dots add up.  [docs/develop/add-a-backbone.md]
 #pragma once
 
 #include "core/device/parallel.h"

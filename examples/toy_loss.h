@@ -1,5 +1,5 @@
-// An example of a loss: the mean squared distance between the render's brightness and a map of the
-// view. docs/develop/add-a-loss.md
+// The smallest loss, from public headers alone: the mean squared difference between the brightness
+// of the render and a map that comes with the view.  [docs/develop/add-a-loss.md]
 #pragma once
 
 #include "core/device/parallel.h"

@@ -1,5 +1,5 @@
-// A mesher of one's own, as small as can be, from the public interfaces alone: the depth map of
-// each view is a grid of triangles. docs/develop/add-a-mesher.md
+// The smallest mesher, from public headers alone: the depth map of each view becomes a grid of
+// triangles.  [docs/develop/add-a-mesher.md]
 #pragma once
 
 #include "mesh/mesher.h"
