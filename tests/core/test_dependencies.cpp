@@ -1,7 +1,8 @@
 // Tests the order of the modules (docs/develop/design.md#modules) from the #include lines of src/,
-// and that no two headers define the same type.
+// that no two headers define the same type, the size of folders, and the length of the tour.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -10,6 +11,10 @@
 #include <string>
 #include <vector>
 
+#include "core/error.h"
+#include "support/source_text.h"
+
+namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
@@ -114,4 +119,66 @@ TEST(Dependencies, NoTypeIsDefinedTwice) {
     EXPECT_GT(home.size(), 200u) << "the scan found hardly any types; is the pattern still right?";
 }
 
+constexpr int kMostFilesInFolder = 40, kMostLinesInTour = 3600;
+
+/// "FOLDER: N files" for `root` and each folder below it that holds more than `most` files itself.
+std::vector<std::string> crowded_folders(const fs::path& root, int most) {
+    std::map<std::string, int> files;
+    for (const auto& entry : fs::recursive_directory_iterator(root))
+        if (entry.is_regular_file()) ++files[entry.path().parent_path()];
+    std::vector<std::string> crowded;
+    for (const auto& [folder, count] : files)
+        if (count > most) crowded.push_back(str(folder, ": ", count, " files"));
+    return crowded;
+}
+
+TEST(Dependencies, FoldersOfSourcesAreSmall) {
+    EXPECT_EQ(crowded_folders(kSource / "src", kMostFilesInFolder), std::vector<std::string>{});
+}
+
+TEST(Dependencies, ACrowdedFolderIsFound) {
+    const fs::path root = fs::path(testing::TempDir()) / "crowded_folders";
+    fs::remove_all(root);
+    fs::create_directories(root / "many/below");
+    for (const char* file : {"a.h", "many/a.h", "many/b.h", "many/c.h", "many/below/a.h"})
+        std::ofstream(root / file) << '\n';
+    const std::string found = str((root / "many").string(), ": 3 files");
+    EXPECT_EQ(crowded_folders(root, 2), std::vector<std::string>{found});
+    EXPECT_TRUE(crowded_folders(root, 3).empty());
+    fs::remove_all(root);
+}
+
+/// Source files that a page names, as `src/a.h`, each once, in the order of names.
+std::set<std::string> files_named_in(const std::string& page) {
+    static const std::regex kFile(R"(`((?:src|apps)/[\w/.-]+\.(?:h|cpp|cu))`)");
+    std::set<std::string> files;
+    for (const auto& m : matches(page, kFile)) files.insert(m.str(1));
+    return files;
+}
+
+std::size_t lines_of(const std::string& text) {
+    return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+TEST(Dependencies, TheTourFitsIntoAnAfternoon) {
+    const std::set<std::string> files = files_named_in(contents(kSource / "docs/develop/tour.md"));
+    EXPECT_GE(files.size(), 12u);
+    std::size_t lines = 0;
+    std::string list;
+    for (const std::string& file : files) {
+        ASSERT_TRUE(fs::exists(kSource / file)) << file;
+        const std::size_t of_file = lines_of(contents(kSource / file));
+        lines += of_file;
+        list += str(of_file, "  ", file, '\n');
+    }
+    EXPECT_LE(lines, kMostLinesInTour) << list;
+}
+
+TEST(Dependencies, TheTourCountsEachFileOnce) {
+    EXPECT_EQ(files_named_in("`src/a/b.h`, again `src/a/b.h`; `apps/c.cpp`, `d.h`, src/e.h"),
+              (std::set<std::string>{"src/a/b.h", "apps/c.cpp"}));
+    EXPECT_EQ(lines_of("one\ntwo\n"), 2u);
+}
+
 }  // namespace
+}  // namespace tvsgs
