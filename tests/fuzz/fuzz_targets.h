@@ -11,7 +11,7 @@
 namespace tvsgs::fuzz {
 
 struct Target {
-    const char* name;  // also the folder of its seeds in tests/fuzz/corpus
+    const char* name;  // also the folder of its seeds, see make_corpus.py
     const char* file;  // what the bytes are saved as, in a folder of their own
     void (*read)(const std::string& folder, const std::string& file);
     /// Makes a checksum fit, so that what lies behind it is reached; may be null.

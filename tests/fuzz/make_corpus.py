@@ -1,25 +1,30 @@
 #!/usr/bin/env python3
-"""Writes the seeds of tests/fuzz/corpus: small files of every kind that the readers take.
+"""Writes the seeds of the fuzz tests: small files of every kind that the readers accept or refuse.
 
-    python3 tests/fuzz/make_corpus.py
+    python3 tests/fuzz/make_corpus.py FOLDER
 
-Names that begin with good_ have to be read without an error; those that begin with found_ are not
-written here: libFuzzer found them, where a reader of then broke. Needs Python's standard library only.
+The readers have to read files named good_* without an error. tests/fuzz/corpus holds files that
+broke a reader once, found_*; these are copied to FOLDER. Needs Python's standard library only.
 """
 import gzip
 import io
 import json
 import math
 import pathlib
+import shutil
 import struct
+import sys
 import zipfile
 import zlib
 
-HERE = pathlib.Path(__file__).parent / "corpus"
+if len(sys.argv) != 2:
+    sys.exit("usage: make_corpus.py FOLDER")
+OUT = pathlib.Path(sys.argv[1])
+shutil.copytree(pathlib.Path(__file__).parent / "corpus", OUT, dirs_exist_ok=True)
 
 
 def seed(target, name, data):
-    folder = HERE / target
+    folder = OUT / target
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(data.encode() if isinstance(data, str) else data)
 
