@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# From nothing to splats, a mesh and a page to look at: installs what is missing, builds, makes a scene with exact
-# ground truth, trains on it as the plan decides, extracts the mesh and measures it.
+# Installs missing packages, builds, makes a scene with exact truth, trains by the plan, extracts the mesh, measures it
+# and writes a 3D page.
 # Usage: scripts/demo.sh [OUT]        default: runs/demo
 set -euo pipefail
 cd "$(dirname "$0")/.."

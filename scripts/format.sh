@@ -14,7 +14,7 @@ case "${1:-}" in
         ;;
 esac
 
-# Other versions lay out some lines otherwise, so the one of Debian 12 decides.
+# Other versions format some lines differently; Debian 12's decides.
 formatter=clang-format-14
 command -v "$formatter" >/dev/null || scripts/install_packages.sh "$formatter"
 

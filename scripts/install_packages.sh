@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that the build needs and that are missing; touches nothing when all are there.
+# Installs the missing Debian packages of the build; changes nothing if all are installed.
 # Usage: scripts/install_packages.sh [PACKAGE...]     further packages to install as well
 set -euo pipefail
 
@@ -39,7 +39,7 @@ if ((EUID != 0)); then
 fi
 echo "install_packages: installing ${missing[*]}" >&2
 export DEBIAN_FRONTEND=noninteractive
-# Old package lists are tried first: a refresh needs the network and is often not needed.
+# Tries the present package lists first: an update needs the network and is often not needed.
 "${as_root[@]}" apt-get install -y --no-install-recommends "${missing[@]}" >&2 || {
     "${as_root[@]}" apt-get update >&2
     "${as_root[@]}" apt-get install -y --no-install-recommends "${missing[@]}" >&2

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The picture of README.md: a made scene's photographs, normals of a test view, and the mesh. Needs GraphicsMagick.
-# Usage: scripts/readme_picture.sh [WORK]     default: runs/picture; what is trained there already is taken as it is
+# Makes the picture of README.md: photographs of a made scene, normals of a test view, and the mesh. Needs
+# GraphicsMagick.
+# Usage: scripts/readme_picture.sh [WORK]     default: runs/picture; keeps a training that is already there
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -16,7 +17,7 @@ if [[ ! -e $work/run/mesh/mesh.png ]]; then
     "$bin/tvsgs-extract-mesh" --model "$work/run"
 fi
 
-# Everything on white; normals and mesh without their margins.
+# White background; no margins around normals and mesh.
 photographs=()
 for name in $(grep -o '"train_all": \[[^]]*' "$work/scene/splits.json" | grep -o '[0-9]*\.png'); do
     photographs+=("$work/scene/images/$name")

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The tables of docs/results.md, out of run folders; or the runs themselves.
+# Makes the tables of docs/results.md from run folders, or the runs too.
 # Usage: scripts/results.sh RUNS [PAGE]        every finished run below RUNS, into PAGE (docs/results.md)
 #        scripts/results.sh --train DATA OUT [--matrix FILE] [--scenes A,B]
-#                                          trains, meshes and measures what matrices/results.json (FILE) asks for, with
-#                                          DATA as the folder of its scenes, below OUT; then OUT/results.md
-# What is there already is left as it is, so a stopped --train goes on. Programs: $BIN, build/*/bin, or PATH.
+#                                          trains, meshes and measures the runs of matrices/results.json (FILE) below
+#                                          OUT, with the scenes of DATA; then writes OUT/results.md
+# Keeps finished runs, so a stopped --train continues. Programs: $BIN, build/*/bin, or PATH.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 
@@ -18,10 +18,10 @@ eval_command=${bin:+$bin/}tvsgs-eval
 command -v "$eval_command" >/dev/null ||
     fail "no $eval_command: build it (cmake --build --preset cpu), or let BIN be its folder"
 
-# One row for each scene (and configuration, where there are several): means over the seeds, and half their range.
+# One row per scene (and configuration, if there are several): means over the seeds, and half their range.
 tables() {
     awk '
-        # scene,configuration,seed,metric,value,version; quoted where there is a comma
+        # scene,configuration,seed,metric,value,version; quoted if it has a comma
         function fields(line, into,    n, part) {
             n = 0
             while (line != "") {
@@ -79,7 +79,7 @@ tables() {
         }' "$1"
 }
 
-# `tables FILE.csv` between the two marks of a page.
+# Writes `tables FILE.csv` between the two marks of a page.
 fill() {
     local csv=$1 page=$2 new
     grep -q '^<!-- tables -->$' "$page" && grep -q '^<!-- end of tables -->$' "$page" ||

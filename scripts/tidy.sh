@@ -7,7 +7,7 @@ base=${1:-origin/main}
 
 command -v clang-tidy-diff-14.py >/dev/null || scripts/install_packages.sh clang-tidy-14 python3
 [[ -e build/cpu/compile_commands.json ]] || cmake --preset cpu >/dev/null
-# -w: warnings of the compiler are the build's affair, with the flags of GCC.
+# -w: GCC reports compiler warnings in the build.
 found=$(git diff --unified=0 --diff-filter=d "$base" -- 'src/*.cpp' 'apps/*.cpp' |
     clang-tidy-diff-14.py -p1 -path build/cpu -j "$(nproc)" -quiet -extra-arg=-w 2>&1 |
     grep -A3 -E '(warning|error): ' || true)

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Trains blocks as batch systems do: in a shell loop, by GNU make, and by Slurm with a controller and two nodes on this
-# machine. Each is stopped in the middle; one node of Slurm dies. Fails unless blocks go on from their checkpoints and
-# all three ways end with the same splats. Slurm needs root and Debian's slurmctld, slurmd, slurm-client and munge.
+# machine. Each is stopped in the middle; one node of Slurm dies. Fails unless blocks continue from their checkpoints
+# and all three ways end with the same splats. Slurm needs root and Debian's slurmctld, slurmd, slurm-client and munge.
 #   scripts/try_slurm.sh [BIN]      folder of the commands, default: build/cpu/bin
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -33,7 +33,7 @@ wait_for() {
         sleep 0.2
     done
 }
-# Iterations that a training that went on had behind it, by its log; nothing if it began anew.
+# Prints the iterations before a resumed training began, by its log; nothing if it began anew.
 resumed_at() { sed -n 's/.*"event": "resumed", "iteration": \([0-9]*\).*/\1/p' "$1/run/log.jsonl" | tail -1; }
 trains() { grep -q '"iteration": [0-9]*50,' "$1/run/log.jsonl"; }
 # state FOLDER BLOCK: waiting, training, stopped or done.
@@ -88,7 +88,7 @@ by_shell() {
 by_make() {
     echo "GNU make"
     split BLOCKS
-    # The page's own lines.
+    # The Makefile of the page.
     sed -n '/^    N := /,/^$/s/^    //p' "$source/docs/guide/blocks.md" >Makefile
     set -m
     make -j2 >make.log 2>&1 &
@@ -143,7 +143,7 @@ EOF
     wait_for 20 "munged" munge -n -S "$work/munge.sock"
     slurmctld -D >slurmctld.out 2>&1 &
     started[slurmctld]=$!
-    # A node is a namespace of processes: its end is theirs, as when a machine dies.
+    # A node is a namespace of processes; they all end with it, like on a machine that dies.
     for node in n1 n2; do
         unshare --pid --fork --kill-child --mount-proc slurmd -D -N $node >$node.out 2>&1 &
         started[$node]=$!

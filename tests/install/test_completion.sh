@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Completion in bash, as it asks the built commands.
+# Checks completion in bash with the built commands.
 # Usage: test_completion.sh BIN_DIR TVSGS_BASH
 set -euo pipefail
 export PATH=$1:$PATH
@@ -7,7 +7,7 @@ export PATH=$1:$PATH
 source "$2"
 compopt() { :; } # there is no line to edit
 
-# complete WORD...: what may stand for the last word.
+# complete WORD...: prints completions of the last word.
 complete_words() {
     COMP_WORDS=("$@")
     COMP_CWORD=$(($# - 1))

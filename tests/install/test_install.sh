@@ -17,7 +17,7 @@ for program in "$prefix"/bin/*; do
     commands=$((commands + 1))
     env -i "$program" --version >version || fail "$name --version: exit code $?"
     grep -q '^tvsgs [0-9.]*$' version && grep -q '^device code: CPU' version && grep -q '^libraries: .*zlib [0-9]' version ||
-        fail "$name --version does not say what it was built of: $(cat version)"
+        fail "$name --version does not name its build: $(cat version)"
     cmp -s <("$program" -V) version || fail "$name: -V is not --version"
     page=$prefix/share/man/man1/$name.1.gz
     zcat "$page" | grep "^\.SH NAME" >/dev/null || fail "$page is no manual"
@@ -37,7 +37,7 @@ while read -r flag; do grep -q -e "$flag" manual || fail "$flag is not in the ma
 "$prefix/bin/tvsgs-train" --help | grep -- '--help-all' >/dev/null || fail "--help does not say that there is --help-all"
 "$prefix/bin/tvsgs-train" --help | grep -- '--profile' && fail "--help has what --help-all is for"
 
-# One name for all.
+# tvsgs COMMAND runs the other commands.
 "$prefix/bin/tvsgs" help | grep 'extract-mesh' >/dev/null || fail "tvsgs help does not list the commands"
 cmp -s <("$prefix/bin/tvsgs" help train) <("$prefix/bin/tvsgs-train" --help) || fail "tvsgs help train is another page"
 code=0
@@ -45,14 +45,13 @@ code=0
 [[ $code == 2 ]] && grep -q 'did you mean train?' message || fail "tvsgs trian: exit code $code, $(cat message)"
 code=0
 "$prefix/bin/tvsgs" train --iteratoins 3 2>message || code=$?
-[[ $code == 2 ]] && grep -q -- '--iterations' message || fail "tvsgs train does not pass words and exit code on"
+[[ $code == 2 ]] && grep -q -- '--iterations' message || fail "tvsgs train does not pass on arguments and exit code"
 mv "$prefix/bin/tvsgs-eval" elsewhere
 code=0
 "$prefix/bin/tvsgs" eval 2>message || code=$?
-[[ $code == 2 ]] && grep -q 'package tvsgs-eval' message || fail "a command that is not there: $(cat message)"
+[[ $code == 2 ]] && grep -q 'package tvsgs-eval' message || fail "a missing command: $(cat message)"
 
-# MATLAB files, and with them LDAP, Kerberos and TLS, are the affair of tvsgs-eval; OpenCV brings them to
-# tvsgs-prepare where it reads videos.
+# Only tvsgs-eval links MATLAB files, and with them LDAP, Kerberos and TLS; tvsgs-prepare may link them through OpenCV.
 for program in "$prefix"/bin/tvsgs*; do
     [[ $program != */tvsgs-prepare ]] || continue
     ! ldd "$program" | grep -E 'libmatio|libhdf5|libcurl|libldap|libkrb5' || fail "$program links them"

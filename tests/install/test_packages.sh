@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The packages: their size, what they depend on, and that the tarball runs by itself. Skips without Debian's tools.
+# Checks the packages: size, dependencies, and that the tarball runs by itself. Skips without Debian's tools.
 # Usage: test_packages.sh BUILD_DIR LARGEST_MB
 set -euo pipefail
 build=$1 largest=$2
@@ -29,7 +29,7 @@ for file in bin/tvsgs-train bin/tvsgs share/man/man1/tvsgs-train.1.gz share/bash
 done
 dpkg-deb --field "$(ls tvsgs-eval*.deb)" Depends | grep libmatio >/dev/null || fail "tvsgs-eval does not depend on libmatio"
 
-# The tarball takes nothing but the C library from outside.
+# The tarball needs only the C library from the system.
 tar -xzf tvsgs-*.tar.gz
 root=$(echo "$PWD"/tvsgs-*-linux-*/)
 for program in "$root"bin/*; do
