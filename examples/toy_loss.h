@@ -37,7 +37,7 @@ public:
                 double* value,
                 const LossInputs<Device>& in) override {
         const DeviceMap<Device>* const wanted = in.view.map("brightness");
-        if (wanted == nullptr) return;  // this view came without
+        if (wanted == nullptr) return;  // no map for this view
         const Buffer<Vec3f, Device>& color = in.images.color;
         const int pixels = static_cast<int>(color.size());
         pixel_loss_.resize(color.size());

@@ -44,7 +44,7 @@ void write(const std::string& path, std::string_view bytes) {
     std::ofstream(path, std::ios::binary) << bytes;
 }
 
-/// The other file of a model, so that both are needed and neither hides the other's faults.
+/// Writes a correct other file of the model, so that errors come only from the file under test.
 void read_cameras(const std::string& folder, const std::string&) {
     write(folder + "/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 1 0 0 1 b.png\n\n");
     read_colmap_model(folder);
@@ -59,7 +59,7 @@ void read_points(const std::string& folder, const std::string&) {
 
 void read_any_ply(const std::string&, const std::string& file) {
     const PlyContents contents = read_ply(file);
-    for (const Vec3i& face : contents.faces)  // what a mesh's users index with
+    for (const Vec3i& face : contents.faces)  // users of a mesh index with these
         for (int c = 0; c < 3; ++c) contents.points.positions.at(static_cast<std::size_t>(face[c]));
     read_ply_geometry(file);
 }
@@ -77,7 +77,7 @@ void read_any_splat_glb(const std::string&, const std::string& file) {
     parse_splat_glb(bytes, file);
 }
 
-/// Lengths of the container made to fit, so that what lies behind them is reached.
+/// Corrects the lengths of the container, so that the reader goes on to its content.
 std::string with_lengths(std::string bytes) {
     if (bytes.size() < 28) return bytes;
     const std::size_t bin = bytes.rfind(std::string_view("BIN\0", 4));
@@ -135,7 +135,7 @@ void read_configuration(const std::string&, const std::string& file) {
     table.json();
 }
 
-/// An array as depth, normals and descriptors.
+/// Reads an array as depth, normals and descriptors.
 void read_map_array(const std::string&, const std::string& file) {
     read_npy_map(file, 0);
     try {
@@ -145,7 +145,7 @@ void read_map_array(const std::string&, const std::string& file) {
     }
 }
 
-/// Beside files that it may be about.
+/// Reads priors.json beside files that it may describe.
 void find_priors_in(const std::string& scene, std::initializer_list<const char*> files) {
     for (const char* name : files) {
         const fs::path path = fs::path(scene) / name;
@@ -167,13 +167,13 @@ void read_depth_paths(const std::string& folder, const std::string&) {
     find_priors_in(folder, {"d/0001.png", "d/0002.npy"});
 }
 
-/// The header, and the pixels of images that do not claim more than a few of them.
+/// Reads the header, and the pixels of small images.
 void read_picture(const std::string&, const std::string& file) {
     const ImageSize size = read_image_size(file);
     if (std::int64_t{size.width} * size.height < 1 << 16) read_image(file);
 }
 
-/// A checkpoint's sums of its table and of each array, made right.
+/// Corrects the checksums of a checkpoint's table and arrays.
 std::string with_checksums(std::string bytes) {
     constexpr std::size_t kFixed = 28, kTableBytesAt = 12, kFileBytesAt = 16, kArraysAt = 24;
     std::uint32_t table = 0, arrays = 0;
@@ -202,7 +202,7 @@ std::string with_checksums(std::string bytes) {
     return bytes;
 }
 
-/// What is inside of gzip, put there.
+/// Compresses the bytes with gzip.
 std::string with_gzip(std::string bytes) {
     z_stream z{};
     if (deflateInit2(&z, 1, Z_DEFLATED, 16 + MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
@@ -218,7 +218,7 @@ std::string with_gzip(std::string bytes) {
     return out;
 }
 
-/// A meta.json with pictures that it may refer to.
+/// Puts meta.json into an archive with pictures that it may name.
 std::string with_pictures(std::string bytes) {
     std::vector<std::pair<std::string, std::string>> files{{"meta.json", std::move(bytes)}};
     ImageU8 picture(64 * 3, 2, 4);

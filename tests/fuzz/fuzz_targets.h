@@ -1,5 +1,4 @@
-// The readers under fuzzing: each takes a file of any bytes and answers with what it has read or
-// with an Error that a user can act on.
+// The readers under fuzzing: each reads a file of any bytes and returns a result or throws Error.
 #pragma once
 
 #include <cstdint>
@@ -12,25 +11,24 @@ namespace tvsgs::fuzz {
 
 struct Target {
     const char* name;  // also the folder of its seeds, see make_corpus.py
-    const char* file;  // what the bytes are saved as, in a folder of their own
+    const char* file;  // name of the saved file, alone in a folder
     void (*read)(const std::string& folder, const std::string& file);
-    /// Makes a checksum fit, so that what lies behind it is reached; may be null.
+    /// Corrects checksums, so that the reader goes on to the content; may be null.
     std::string (*mend)(std::string bytes);
 };
 
-/// As tests show it.
+/// For messages of gtest.
 inline void PrintTo(const Target& target, std::ostream* out) {
     *out << target.name;
 }
 
 const std::vector<Target>& targets();
 
-/// Throws Error(ExitCode::internal) naming the known ones.
+/// Throws Error(ExitCode::internal) for an unknown name.
 const Target& find_target(std::string_view name);
 
-/// Writes the bytes, reads them, and throws std::logic_error when the answer is none: an exception
-/// that is no Error, one of another kind than input or usage, or an empty message or one with bytes
-/// that would reach a terminal.
+/// Writes the bytes and reads them. Throws std::logic_error for an exception other than an Error of
+/// kind input or usage, and for a message that is short or has control characters.
 void run(const Target& target, std::string_view bytes);
 
 }  // namespace tvsgs::fuzz

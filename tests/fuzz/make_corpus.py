@@ -325,7 +325,7 @@ seed("mesh_obj", "good_textured", "# by hand\nmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 
 seed("mesh_obj", "good_colours", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1e3 1 0 0 0 1\nf 1//1 2//1 3//1\n")
 
 
-# SPZ: in gzip, and what is inside of it
+# SPZ: in gzip, and its content alone
 def spz(version, degree, count, flags=0):
     rotation, rest = 3 if version == 2 else 4, (degree + 1) ** 2 - 1
     return (struct.pack("<4sIIBBBB", b"NGSP", version, count, degree, 12, flags, 0)

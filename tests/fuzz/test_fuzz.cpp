@@ -48,7 +48,7 @@ const std::map<std::string, Seeds>& corpus() {
     return made;
 }
 
-/// One to four damages.
+/// Applies one to four damages.
 std::string damaged(std::string bytes, const std::vector<std::string>& all, std::mt19937& random) {
     const auto below = [&](std::size_t n) { return n == 0 ? 0 : random() % n; };
     const char* const words[] = {"-1",  "nan", "1e309", "99999999999999999999", "\"", "[", "{", "0",
@@ -103,7 +103,7 @@ TEST_P(Readers, AnswerToSeedsAndTheirDamages) {
         all.push_back(bytes);
     }
     std::mt19937 random(1);
-    // As many as there is time for, at least 50: sanitizers make readers ten times as slow.
+    // At least 50, more within a second: sanitizers make readers ten times as slow.
     for (int i = 0; i < 2000; ++i) {
         const std::string bytes = damaged(all[random() % all.size()], all, random);
         try {
@@ -145,7 +145,7 @@ TEST(DeepFiles, AreRefused) {
         for (const std::string& bytes :
              {nested("", "{\"a\":"), nested("{\"box\":", "["), nested("{\"frames\":[", "[")})
             EXPECT_NO_THROW(run(target, bytes)) << target.name;
-        // Where a reader copies what it does not know, the copy calls itself.
+        // A reader copies unknown values; the copy is recursive.
         for (const auto& [before, after] :
              {std::pair{"{\"box\":", "}"},
               {"{\"camera_angle_x\":1,\"frames\":[{\"file_path\":\"image\",\"more\":", "}]}"}}) {
