@@ -17,7 +17,7 @@ struct SpzOptions {
     /// 2: rotations of 3 bytes, error up to 12 degrees. 3: rotations of 4 bytes, error up to 0.27
     /// degrees. 4: the same numbers, compressed by zstd instead of gzip.
     int version = 3;
-    SplatFrame frame = SplatFrame::rub;  // of the file; RUB by the specification
+    SplatFrame frame = SplatFrame::rub;  // of the file; SPZ prescribes RUB
     /// Bits of SH coefficients, 1 to 8: of degree 1, and of degrees 2 and 3. 5 and 4 make small
     /// files; 8 is accurate.
     int sh_bits_1 = 5, sh_bits_rest = 4;
