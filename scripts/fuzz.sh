@@ -1,7 +1,7 @@
 #!/bin/bash
 # Fuzzes every reader of files under ASan and UBSan: scripts/fuzz.sh [SECONDS each] [READER...]
 #
-# Needs clang++ with libFuzzer (Debian 12: apt-get install clang libclang-rt-14-dev libomp-14-dev).
+# Needs clang++ with libFuzzer (Debian 12: apt-get install clang libclang-rt-14-dev).
 # Starts from the seeds of tests/fuzz/make_corpus.py, in build/fuzz-seeds, and from its earlier finds, in
 # build/fuzz-corpus. Saves a file that breaks a reader as build/fuzz-corpus/READER.crash-*; with a name found_* in
 # tests/fuzz/corpus/READER it becomes a seed of test_fuzz.
@@ -10,7 +10,7 @@ cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift || true
 command -v clang++ >/dev/null || {
-    echo "fuzz.sh: no clang++; apt-get install clang libclang-rt-14-dev libomp-14-dev" >&2
+    echo "fuzz.sh: no clang++; apt-get install clang libclang-rt-14-dev" >&2
     exit 5
 }
 cmake --preset cpu-fuzz >/dev/null
