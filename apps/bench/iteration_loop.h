@@ -68,7 +68,7 @@ std::vector<std::pair<std::string, double>> BenchIteration<Device>::losses() con
     const std::vector<double> values = to_host(parts_->iteration.objective().values);
     std::vector<std::pair<std::string, double>> out;
     for (std::size_t i = 0; i < values.size(); ++i)
-        out.emplace_back(parts_->losses[i]->name(), values[i]);
+        out.emplace_back(parts_->losses[i]->key, values[i]);
     return out;
 }
 

@@ -97,8 +97,7 @@ void expect_gradient(const LossCase& c, const LossResult& r, const Loss& loss, i
 LossOptions relative_depth(float dead_zone = 0, float min_confidence = 0) {
     LossOptions o;
     o.photometric.weight = 0;
-    o.relative_depth = {
-        .weight = kWeight, .dead_zone = dead_zone, .min_confidence = min_confidence};
+    o.relative_depth = {{kWeight, 1}, dead_zone, min_confidence};
     return o;
 }
 
@@ -206,7 +205,7 @@ TEST(RelativeDepthLoss, NothingKnownAddsNothing) {
 LossOptions prior_normal(bool by_confidence = true) {
     LossOptions o;
     o.photometric.weight = 0;
-    o.prior_normal = {.weight = kWeight, .start = 1, .by_confidence = by_confidence};
+    o.prior_normal = {{kWeight, 1}, by_confidence};
     return o;
 }
 
@@ -270,7 +269,7 @@ TEST(PriorNormalLoss, NothingKnownAddsNothing) {
 LossOptions prior_depth() {
     LossOptions o;
     o.photometric.weight = 0;
-    o.prior_depth = {.weight = kWeight};
+    o.prior_depth = {{kWeight, 1}};
     return o;
 }
 

@@ -204,7 +204,7 @@ TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
 }
 
 TEST(AnchoredDepthLoss, FewerAnchorsCorrectAsTimeGoesOn) {
-    const AnchoredDepthLoss<Cpu> loss({{1, 1000}});
+    const AnchoredDepthLoss<Cpu> loss(AnchoredDepthOptions{{1, 1000}});
     for (const auto& [step, count] :
          {std::pair(1000, 4), {1499, 4}, {1500, 3}, {2000, 2}, {2500, 1}, {9000, 1}})
         EXPECT_EQ(loss.nearest_at(step), count) << step;

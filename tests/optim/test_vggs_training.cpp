@@ -40,10 +40,10 @@ TrainOptions with_priors(int iterations) {
     o.iterations = iterations;
     o.densify.from = 10, o.densify.every = 10, o.densify.max_gaussians = 250;
     o.loss.multi_view.max_distance = 3;
-    o.loss.relative_depth = {.weight = 0.1f, .start = 2};
-    o.loss.prior_normal = {.weight = 0.01f, .start = 3};
-    o.loss.prior_depth = {.weight = 0.1f, .last_share = 0.1f, .start = 4, .end = 30};
-    o.loss.anchored_depth = {.weight = 0.1f, .start = 5, .refresh_every = 15};
+    o.loss.relative_depth = {{0.1f, 2}};
+    o.loss.prior_normal = {{0.01f, 3}};
+    o.loss.prior_depth = {{0.1f, 4}, 0.1f, 30};
+    o.loss.anchored_depth = {{0.1f, 5}, 0, 0, 15};
     return o;
 }
 

@@ -1,5 +1,5 @@
 // The stability suite: formulas in float against double, from mild to extreme inputs; each row is
-// held to a bound. Rows: stability_rows.h; docs/develop/stability.md.
+// held to a bound. Rows: rows.h; docs/develop/stability.md.
 #pragma once
 
 #include <string>
