@@ -1,4 +1,4 @@
-// What makes a surface of splats.
+// Interface of the meshers, which extract a surface from splats.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@
 
 namespace tvsgs {
 
-/// The part of the world that is meshed: up to the depth limit of DepthViews, or all around a ball.
+/// The part of the world to mesh: up to the depth limit of DepthViews, or everything around a ball.
 struct MeshRegion {
     bool unbounded = false;
-    // The ball around what the cameras look at, where the detail is; undefined unless unbounded.
+    // The ball around the focus of the cameras, with full detail; undefined unless unbounded.
     Vec3f centre;
     float radius = 0;
 };
 
-/// What a mesher may go by, in the frame of the splats. It lives for one call.
+/// Inputs of a mesher, in the frame of the splats. Valid for one call.
 template <class Device>
 struct MesherInputs {
     const std::vector<View>& views;
@@ -28,14 +28,14 @@ struct MesherInputs {
     DepthViews<Device>& depth;  // of `views`, rendered by `backbone`
     MeshRegion region;
     float near;                       // the backbone draws nothing nearer to a camera's plane
-    std::int64_t max_bytes;           // that the mesher may take
-    const std::string& spill_folder;  // for what does not fit, meanwhile
-    spdlog::level::level_enum level;  // of what is said
+    std::int64_t max_bytes;           // limit of the mesher's memory
+    const std::string& spill_folder;  // for temporary files
+    spdlog::level::level_enum level;  // of the mesher's messages
 };
 
 struct ExtractedMesh {
     TriangleMesh mesh;
-    std::string why_empty;  // what to do about a mesh without faces; else empty
+    std::string why_empty;  // how to get faces if there are none; else empty
 };
 
 template <class Device>
@@ -43,11 +43,10 @@ class Mesher {
 public:
     virtual ~Mesher() = default;
 
-    /// The surface with its colours, as it comes: components are cleaned by the caller. Throws
-    /// Error.
+    /// Extracts the surface with its colours. The caller removes components. Throws Error.
     virtual ExtractedMesh extract(const MesherInputs<Device>& in) = 0;
 
-    /// Its surfaces are rough, by the noise of what is fused, and worth smoothing.
+    /// Whether the surface has noise from fusion and should be smoothed.
     virtual bool is_rough() const { return false; }
 
     /// Its surfaces are closed and bounded; the caller leaves out what would open or extend them.

@@ -1,4 +1,4 @@
-// The list of meshers. Another one is its own file, its options, and a line here.
+// The list of meshers. To add one, write its file with its options and add a line here.
 #pragma once
 
 #include <functional>
@@ -21,8 +21,8 @@ struct MesherOptions {
     TsdfMesherOptions tsdf;
     TetrahedraMesherOptions tetrahedra;
 
-    /// A mesher's keys are a group of its name; only tsdf's are not, as they are older than the
-    /// list.
+    /// The keys of a mesher form a group of its name. Only tsdf's keys have no group, as they are
+    /// older than the list.
     template <class Visitor>
     void fields(Visitor& field) {
         tsdf.fields(field);
@@ -49,13 +49,13 @@ auto& added_meshers() {
     return added;
 }
 
-/// Adds a mesher of a program that links this library: make_mesher() then knows its name.
+/// Adds a mesher of a program that links this library; make_mesher() then knows its name.
 template <class Device>
 void add_mesher(const std::string& name, MakeMesher<Device> make) {
     added_meshers<Device>()[name] = std::move(make);
 }
 
-/// Throws Error(ExitCode::usage) naming the known ones unless `name` is among them.
+/// Throws Error(ExitCode::usage) with the known names unless `name` is one of them.
 template <class Device>
 void require_mesher(const std::string& name) {
     std::vector<std::string> known;
@@ -72,7 +72,7 @@ void require_mesher(const std::string& name) {
                                      near.empty() ? "" : str("; did you mean '", near, "'?")));
 }
 
-/// Throws as require_mesher() does, and Error(ExitCode::usage) for options that contradict each
+/// Throws what require_mesher() throws, and Error(ExitCode::usage) for options that contradict each
 /// other.
 template <class Device>
 std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const MesherOptions& options) {

@@ -1,5 +1,5 @@
-// The closed surface around what lies behind the depth maps' points.  [Kazhdan13],
-// docs/method/watertight.md
+// Watertight mesher: the closed surface of the solid behind the points of the depth maps.
+// [Kazhdan13], docs/method/watertight.md
 #pragma once
 
 #include <cstdint>
@@ -14,10 +14,10 @@ namespace tvsgs {
 
 namespace detail {
 
-/// Bytes that the host has for a closed surface.
+/// Bytes of host memory that the reconstruction may use.
 std::int64_t bytes_for_closing(std::int64_t max_bytes);
 
-/// The surface of those points, with their colours.
+/// Reconstructs the closed surface of `points`, with vertex colours.
 ExtractedMesh close_surface(const ViewPoints& points,
                             const EvidenceSource& evidence,
                             std::int64_t max_bytes,
@@ -25,12 +25,12 @@ ExtractedMesh close_surface(const ViewPoints& points,
 
 }  // namespace detail
 
-/// Closed where no view sees anything, too: every edge between two faces, every vertex amid one fan
-/// of them. The surface is made on the host, whatever the device.
+/// Makes a surface that is closed also where no view sees it: each edge has two faces, and the
+/// faces at each vertex form one fan. The surface is computed on the host, whatever the device.
 template <class Device>
 class WatertightMesher final : public Mesher<Device> {
 public:
-    /// Nodes are as far apart as voxels of voxel_size().
+    /// The finest nodes are voxel_size() apart.
     WatertightMesher(float given_size, int resolution)
         : given_size_(given_size), resolution_(resolution) {}
 

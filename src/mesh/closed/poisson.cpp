@@ -10,12 +10,13 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kMargin = 0.1;     // of the box around the points, of its longest side
-constexpr int kReach = 3;           // nodes to each side of a point that a level has
-constexpr int kDenseNodes = 64;     // along the longest side, up to which a level has all
-constexpr int kCoarsestNodes = 16;  // at most, likewise
+constexpr double kMargin = 0.1;  // margin around the points' box, as a share of its longest side
+constexpr int kReach = 3;        // nodes of a level on each side of a point
+// A level with at most so many nodes along the longest side is dense.
+constexpr int kDenseNodes = 64;
+constexpr int kCoarsestNodes = 16;  // most nodes of the coarsest level along the longest side
 
-/// Around the points, with a margin.
+/// Bounding box of the points, with a margin.
 PoissonBox box_around(const OrientedPoints& points) {
     constexpr double kFar = std::numeric_limits<double>::infinity();
     PoissonBox box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
@@ -42,7 +43,7 @@ std::vector<float> spacings_of(const PoissonBox& box, float finest) {
     double farthest = 0;
     for (int axis = 0; axis < 3; ++axis)
         farthest = std::max({farthest, std::abs(box.low[axis]), std::abs(box.high[axis])});
-    constexpr double kMostNodes = (kBlockReach - 8.0) * kBlockEdge;  // to either side
+    constexpr double kMostNodes = (kBlockReach - 8.0) * kBlockEdge;  // on each side of the origin
     if (!(finest > 0 && farthest < kMostNodes * static_cast<double>(finest)))
         throw Error(ExitCode::input,
                     str("points up to ", farthest, " from the origin are too far out for nodes ",
@@ -55,7 +56,8 @@ std::vector<float> spacings_of(const PoissonBox& box, float finest) {
 
 using Keys = std::vector<std::uint64_t>;
 
-/// The blocks of each level: all in the box on the coarse ones, those near points on the fine ones.
+/// The blocks of each level: all blocks of the box on coarse levels, blocks near points on fine
+/// ones.
 std::vector<Keys> choose_blocks(const OrientedPoints& points,
                                 const Densities& densities,
                                 const PoissonBox& box,
@@ -77,10 +79,10 @@ std::vector<Keys> choose_blocks(const OrientedPoints& points,
 }
 
 std::int64_t bytes_of(const std::vector<Keys>& keys, std::size_t points) {
-    constexpr std::int64_t kPoint = 100, kBlock = 1500;  // with what is known beside it
+    constexpr std::int64_t kPoint = 100, kBlock = 1500;  // bytes each, with bookkeeping
     std::int64_t bytes = kPoint * static_cast<std::int64_t>(points);
     for (std::size_t l = 0; l < keys.size(); ++l) {
-        const bool last = l + 1 == keys.size();  // the largest that has equations
+        const bool last = l + 1 == keys.size();  // the largest level that has equations
         bytes +=
             static_cast<std::int64_t>(keys[l].size()) * (kBlock + kBlockVoxels * (last ? 13 : 5));
     }
@@ -107,7 +109,8 @@ PoissonField solve_poisson(const OrientedPoints& points,
         keys = choose_blocks(points, densities, box, spacings);
         field.bytes = bytes_of(keys, points.size());
         const bool fits = options.max_bytes <= 0 || field.bytes <= options.max_bytes;
-        if (fits && !keys.back().empty()) break;  // empty where points lie less densely
+        // Empty if the points are too sparse for this level.
+        if (fits && !keys.back().empty()) break;
     }
     for (std::size_t l = 0; l < keys.size(); ++l)
         field.levels.emplace_back(spacings[l], std::move(keys[l]));

@@ -76,7 +76,8 @@ float LevelReader::between(Vec3i node, float beyond) {
 float LevelReader::below(Vec3i node, int level, float beyond) {
     Vec3d p = vec_cast<double>(node);
     for (; level >= 0; --level) {
-        p = 0.5 * (p - Vec3d{0.5, 0.5, 0.5});  // from the finer level's nodes to these
+        // From the nodes of the finer level to the nodes of this one.
+        p = 0.5 * (p - Vec3d{0.5, 0.5, 0.5});
         const Vec3i base{static_cast<int>(std::floor(p.x)), static_cast<int>(std::floor(p.y)),
                          static_cast<int>(std::floor(p.z))};
         const Vec3f t = vec_cast<float>(p - vec_cast<double>(base));

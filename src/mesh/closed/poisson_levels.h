@@ -1,5 +1,5 @@
-// A function on nodes of halving spacings: everywhere on the coarse ones, near a surface only on
-// the fine ones. docs/method/watertight.md
+// A function on node grids of halving spacing: coarse levels cover the box, fine levels only the
+// surroundings of a surface. docs/method/watertight.md
 #pragma once
 
 #include <cstdint>
@@ -10,19 +10,20 @@
 
 namespace tvsgs {
 
-/// Nodes of one spacing, in blocks of 8^3. Node i lies at (i + 0.5) spacing, as voxel centres do.
+/// Nodes of one spacing, in blocks of 8^3. Node i lies at (i + 0.5) spacing, like a voxel centre.
 struct PoissonLevel {
     float spacing = 0;                // world units
     std::vector<std::uint64_t> keys;  // [B] ascending block keys
-    std::vector<int> neighbours;      // [B 27] the blocks around a block, itself included; -1: none
-    std::vector<float> values;        // [B 512]
+    // [B 27] the 27 blocks around each block, itself included; -1: none.
+    std::vector<int> neighbours;
+    std::vector<float> values;  // [B 512]
 
     PoissonLevel() = default;
-    /// The keys are ascending and each is there once. Values are left empty.
+    /// The keys must be ascending and unique. Values are left empty.
     PoissonLevel(float spacing_of_nodes, std::vector<std::uint64_t> block_keys);
 
     int size() const { return static_cast<int>(keys.size()); }
-    /// -1: is not there.
+    /// Index of a block; -1: not in this level.
     int find(Vec3i block) const;
     int neighbour(int block, Vec3i offset) const {
         const int which = ((offset.z + 1) * 3 + offset.y + 1) * 3 + offset.x + 1;
@@ -33,7 +34,7 @@ struct PoissonLevel {
     }
 };
 
-/// The node itself, or the one below p, on each axis.
+/// The node at p or, on each axis, the next one below.
 Vec3i node_below(Vec3f p, float spacing);
 
 inline Vec3i block_of_node(Vec3i node) {
@@ -43,29 +44,29 @@ inline int local_of_node(Vec3i node) {
     return local_index({node.x & 7, node.y & 7, node.z & 7});
 }
 
-/// Ascending, each once.
+/// Sorts ascending and drops repetitions.
 void sort_unique(std::vector<std::uint64_t>& keys);
 
-/// Blocks with a node in [first, last] of the levels' coordinates are added; several times at
-/// worst.
+/// Appends the blocks that have a node in [first, last], in the level's coordinates; may repeat
+/// keys.
 void add_blocks(Vec3i first, Vec3i last, std::vector<std::uint64_t>& keys);
 
-/// Adds the blocks that the level above needs to give every node of `fine`, and those one beside
-/// it, a value.
+/// Appends the blocks that the coarser level needs to interpolate all nodes of `fine` and the layer
+/// around them.
 void add_parents(const std::vector<std::uint64_t>& fine, std::vector<std::uint64_t>& coarse);
 
-/// Reads levels whose spacing halves from one to the next, anywhere. Of one thread.
+/// Interpolates in levels whose spacing halves from one to the next. For one thread.
 class LevelReader {
 public:
-    /// The levels up to `last`; they must outlive it.
+    /// Reads levels 0 to `last`, which must outlive the reader.
     LevelReader(const std::vector<PoissonLevel>& levels, int last)
         : levels_(levels), last_(last), blocks_(levels.size(), 0) {}
 
-    /// The value at a node of level `last`'s spacing: its own, else between the nodes of the
-    /// finest level that has all of those around it. `beyond` stands for nodes that level 0 lacks.
+    /// The value at a node of level `last`: its own if it exists, else interpolated on the finest
+    /// level that has all nodes around it. `beyond` replaces nodes that level 0 lacks.
     float at(Vec3i node, float beyond);
-    /// At a node of half level `last`'s spacing, between the nodes of the finest level that has all
-    /// of those around it.
+    /// The value at a node of half the spacing of level `last`, interpolated on the finest level
+    /// that has all nodes around it.
     float between(Vec3i node, float beyond);
 
 private:
@@ -74,7 +75,7 @@ private:
 
     const std::vector<PoissonLevel>& levels_;
     int last_;
-    std::vector<int> blocks_;  // of each level: where the last node was
+    std::vector<int> blocks_;  // per level: block of the last lookup
 };
 
 }  // namespace tvsgs

@@ -8,10 +8,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kPlaneShare = 0.68f;  // sum of the hats at a point of a plane of density 1, 2/3 if
-                                      // the plane is level
-constexpr float kLeastDensity = 1;    // sum of the hats at a point that has others beside it
-constexpr int kMostLevelsAbove = 3;   // those of the median
+// Sum of the hats at a point of a plane of density 1; 2/3 for an axis-aligned plane.
+constexpr float kPlaneShare = 0.68f;
+constexpr float kLeastDensity = 1;   // sum of the hats at a point that has neighbours
+constexpr int kMostLevelsAbove = 3;  // below the median level
 
 }  // namespace
 

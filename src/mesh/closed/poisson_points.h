@@ -1,4 +1,4 @@
-// Points among the nodes of a level: which nodes they share in, and how densely they lie.
+// Distributes points over the nodes of a level and measures their density.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// The eight nodes around a point, and how it is shared out among them.
+/// The eight nodes around a point and the point's share in each.
 struct Hat {
     Vec3i base;
     Vec3f t;
@@ -24,36 +24,36 @@ struct Hat {
     }
 };
 
-/// The corner of a cell, one per bit of i.
+/// Corner i of a cell; bit 0 of i: x, bit 1: y, bit 2: z.
 constexpr Vec3i corner_of(int i) {
     return {i & 1, i >> 1 & 1, i >> 2};
 }
 
-/// The points by the blocks of a level that have their base nodes.
+/// Points sorted by the block of a level that contains their base node.
 struct PointBins {
     std::vector<int> first;  // [B + 1]
-    std::vector<int> order;  // points in blocks that are there, by block, then by number
-    std::vector<Hat> hats;   // theirs
+    std::vector<int> order;  // points inside existing blocks, by block, then by index
+    std::vector<Hat> hats;   // one for each entry of `order`
 
     PointBins(const OrientedPoints& points, const PoissonLevel& level);
 };
 
-/// A block's nodes and the layer around them.
+/// Edge of a block's nodes plus the layer around them.
 inline constexpr int kHaloEdge = kBlockEdge + 2;
 inline constexpr int kHaloNodes = kHaloEdge * kHaloEdge * kHaloEdge;
 
-/// `p` in [-1, 8].
+/// Each coordinate of `p` is in [-1, 8].
 inline std::size_t halo_index(Vec3i p) {
     return static_cast<std::size_t>(((p.z + 1) * kHaloEdge + p.y + 1) * kHaloEdge + p.x + 1);
 }
 
-/// Whether it is one of the block's own.
+/// Whether `p` is a node of the block, not of the layer around it.
 inline bool in_block(Vec3i p) {
     return ((p.x | p.y | p.z) & ~(kBlockEdge - 1)) == 0;
 }
 
-/// Calls action(point, node, share) for the nodes of block b, and the layer around them, that
-/// points share in; nodes count from the block's first.
+/// Calls action(point, node, share) for the nodes of block b and of the layer around it in which
+/// points have a share. Node coordinates are relative to the block's first node.
 template <class Action>
 void for_points_around(const PoissonLevel& level,
                        const PointBins& bins,
@@ -77,8 +77,8 @@ void for_points_around(const PoissonLevel& level,
     }
 }
 
-/// Blocks that have a node within `reach` below and reach + 1 above the base node of a point that
-/// chosen(i) is true for; ascending.
+/// Blocks that have a node between `reach` below and reach + 1 above the base node of a point for
+/// which chosen(i) is true; ascending.
 template <class Chosen>
 std::vector<std::uint64_t> blocks_near(const OrientedPoints& points,
                                        float spacing,
@@ -102,15 +102,15 @@ std::vector<std::uint64_t> blocks_near(const OrientedPoints& points,
     return keys;
 }
 
-/// How densely points lie. Both have an entry per point.
+/// Density of the points; both arrays have one entry per point.
 struct Densities {
-    std::vector<float> areas;  // that a point stands for, world units squared
-    std::vector<int> levels;   // the finest level it is in; -1: left out
-    std::size_t lonely = 0;    // those left out
+    std::vector<float> areas;  // surface area that the point represents, world units squared
+    std::vector<int> levels;   // finest level that uses the point; -1: left out
+    std::size_t lonely = 0;    // number of points left out
 };
 
-/// A point is in the finest level on which it has others beside it. It is left out if they are
-/// farther away than usual by more than three doublings. `spacings`: of the levels.
+/// Assigns each point to the finest level on which it has neighbours. Leaves a point out if that
+/// level is more than three doublings coarser than the median. `spacings`: of the levels.
 Densities measure_densities(const OrientedPoints& points, const std::vector<float>& spacings);
 
 }  // namespace tvsgs

@@ -10,11 +10,12 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kScreening = 16;      // of points, against smoothness
-constexpr float kFreeWeight = 4;      // of a node that views look through, likewise
-constexpr float kFixedWeight = 1e4f;  // of one beyond the box
-constexpr float kFreeLimitPx = 3;     // before a depth, as evidence has it
-constexpr float kTolerance = 2e-4f;   // largest change in a sweep that counts as none
+constexpr float kScreening = 16;  // weight of points, relative to smoothness
+// Weight of a node that views look through, relative to smoothness.
+constexpr float kFreeWeight = 4;
+constexpr float kFixedWeight = 1e4f;  // weight of a node outside of the box
+constexpr float kFreeLimitPx = 3;     // distance in front of a depth, as for evidence
+constexpr float kTolerance = 2e-4f;   // a sweep has converged if no value changes by more
 constexpr int kMostSweeps = 200;
 
 std::size_t first_node(int block) {
@@ -29,12 +30,13 @@ Vec3i along(int axis, int step) {
     return p;
 }
 
-/// Numbers of views, up to 255. There while no level has values yet, which take more.
+/// Numbers of views, up to 255. Exists only before the levels have values, which need more memory.
 struct Looks {
     std::uint8_t see, through;
 };
 
-/// What a view says of a node: as of a sample for evidence, a spacing farther away from surfaces.
+/// Judges a node in one view, like a sample of mesh_evidence.h, with a distance limit that is
+/// larger by one spacing.
 void add_look(const EvidenceView& view, Vec3f node, float spacing, Looks& looks) {
     const Camera& camera = view.camera;
     if (!is_in_view(camera, node)) return;
@@ -51,7 +53,8 @@ void add_look(const EvidenceView& view, Vec3f node, float spacing, Looks& looks)
         looks.through = static_cast<std::uint8_t>(std::min(looks.through + 1, 255));
 }
 
-/// action(node beside the block, node of the block's neighbour there) for one side of a block.
+/// Calls action(node beside the block, the same node in the neighbouring block's coordinates) for
+/// one side of a block.
 template <class Action>
 void for_side(int axis, int side, const Action& action) {
     for (int i = 0; i < kBlockEdge * kBlockEdge; ++i) {
@@ -64,13 +67,13 @@ void for_side(int axis, int side, const Action& action) {
     }
 }
 
-/// Values beside a block for which its level has no block.
+/// Boundary value beside a block whose neighbour does not exist on this level.
 struct Rim {
-    std::uint16_t place;  // in the halo
+    std::uint16_t place;  // index in the halo
     float value;
 };
 
-/// Sets the values from coarser levels, and returns the rims of the blocks.
+/// Interpolates the values from coarser levels; returns the boundary values of each block.
 std::vector<std::vector<Rim>> take_over(std::vector<PoissonLevel>& levels, int l) {
     PoissonLevel& level = levels[l];
     level.values.resize(level.keys.size() * kBlockVoxels);
@@ -93,7 +96,7 @@ std::vector<std::vector<Rim>> take_over(std::vector<PoissonLevel>& levels, int l
     return rims;
 }
 
-/// Two sweeps of Gauss-Seidel over a block, there and back; returns the largest change.
+/// Two Gauss-Seidel sweeps over a block, forward and backward; returns the largest change.
 float relax_block(PoissonLevel& level,
                   int b,
                   const std::vector<Rim>& rim,
@@ -200,7 +203,7 @@ void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquation
         const Vec3i block = block_of_key(level.keys[b]);
         colors[(block.x + block.y + block.z) & 1].push_back(b);
     }
-    // A block rests while nothing changes in it or beside it.
+    // A block is skipped while neither it nor its neighbours change.
     std::vector<float> changes(level.keys.size(), 1);
     const auto moves = [&](int b) {
         bool any = changes[b] >= kTolerance;

@@ -1,4 +1,4 @@
-// The equations of a level of nodes, and their solution.
+// Sets up and solves the linear equations of one level of nodes.
 #pragma once
 
 #include <vector>
@@ -7,10 +7,10 @@
 
 namespace tvsgs {
 
-/// What lies outside of the surface tends to that, what lies inside to its negative.
+/// The field's target outside of the surface; the target inside is the negative.
 inline constexpr float kOutsideValue = -0.5f;
 
-/// Beyond it nothing is inside.
+/// Nodes outside of the box are outside of the solid.
 struct PoissonBox {
     Vec3d low, high;
 
@@ -25,11 +25,11 @@ struct PoissonBox {
     }
 };
 
-/// Of the nodes of each level, whether views look through them, [B 512].
+/// For each level, whether views look through a node, [B 512].
 using FreeNodes = std::vector<std::vector<std::uint8_t>>;
 FreeNodes find_free_nodes(const std::vector<PoissonLevel>& levels, const EvidenceSource& evidence);
 
-/// diag value - (the six values around) = rhs, at each node of a level.
+/// At each node: diag value - (sum of the six neighbours' values) = rhs.
 struct PoissonEquations {
     std::vector<float> diag, rhs;  // [B 512]
 };
@@ -39,8 +39,8 @@ PoissonEquations make_equations(const OrientedPoints& points,
                                 const std::vector<std::uint8_t>& free,
                                 const PoissonBox& box);
 
-/// Sets the values of level l. What the level lacks beside its nodes comes from coarser ones, which
-/// must have their values.
+/// Solves for the values of level l. Boundary values come from coarser levels, which must be
+/// solved.
 void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquations& equations);
 
 }  // namespace tvsgs

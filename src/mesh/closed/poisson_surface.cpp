@@ -9,9 +9,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kLeastValue = 1e-4f;  // of a node, so that no vertex falls into it
+// Least magnitude at a node, so that no vertex coincides with it.
+constexpr float kLeastValue = 1e-4f;
 
-/// A block and the layer around it: what the cells need that have a node of the block.
+/// A block and the layer around it: all nodes of the cells that have a node in the block.
 struct Around {
     static constexpr int kEdge = kBlockEdge + 2;
     std::array<bool, kEdge * kEdge * kEdge> inside;
@@ -21,8 +22,8 @@ struct Around {
     }
 };
 
-/// Bit d, of 27, is set where a cell that the surface crosses has nodes both of the block and of
-/// the one in direction d.
+/// Bit d, of 27, is set if a cell that the surface crosses has nodes in the block and in its
+/// neighbour in direction d.
 int crossed_neighbours(const Around& around) {
     int found = 0;
     Vec3i cell;
@@ -42,8 +43,8 @@ int crossed_neighbours(const Around& around) {
     return found;
 }
 
-/// The blocks of all nodes around the cells that the surface crosses, begun at those of the finest
-/// level.
+/// The blocks of all nodes of the cells that the surface crosses, found by a search from the blocks
+/// of the finest level.
 std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
     std::vector<std::uint64_t> all, frontier = field.finest().keys;
     std::vector<std::uint64_t> looked_at = frontier;
@@ -84,7 +85,7 @@ std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
     return all;
 }
 
-/// Voxels of the field at those blocks: its value, of weight 1.
+/// Copies the field at the given blocks into voxels of weight 1.
 VoxelBlocks<Cpu> voxels_of(const PoissonField& field, const std::vector<std::uint64_t>& keys) {
     VoxelBlocks<Cpu> blocks;
     blocks.voxel_size = field.finest().spacing;
@@ -108,7 +109,7 @@ VoxelBlocks<Cpu> voxels_of(const PoissonField& field, const std::vector<std::uin
 }  // namespace
 
 TriangleMesh poisson_surface(const PoissonField& field, std::int64_t max_bytes) {
-    constexpr std::int64_t kMostBlocks = 1'000'000;  // whose edges can be numbered
+    constexpr std::int64_t kMostBlocks = 1'000'000;  // limit of the numbering of edges
     const std::int64_t room = max_bytes / VoxelBlocks<Cpu>::kWorkingBytesPerBlock;
     const std::vector<std::uint64_t> keys = crossed_blocks(field);
     PartPlanner planner(

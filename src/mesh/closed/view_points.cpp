@@ -12,10 +12,11 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kCellBits = 20;                // of each coordinate
-constexpr std::int64_t kBytesOfPoint = 250;  // with all that is made of it on the way to a mesh
+constexpr int kCellBits = 20;  // of each coordinate
+// With everything that is computed from it up to the mesh.
+constexpr std::int64_t kBytesOfPoint = 250;
 
-// The cells around the origin stay apart however large they are, and so do octants.
+// However large the cells, the 8 cells around the origin and their 8 octants stay separate.
 constexpr std::int64_t kLeastPoints = 8 * 8;
 
 }  // namespace

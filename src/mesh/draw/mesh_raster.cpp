@@ -9,10 +9,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kBandRows = 8;             // rows of one parallel task
-constexpr int kFacesPerChunk = 1 << 14;  // faces of one task
+constexpr int kBandRows = 8;             // rows per parallel task
+constexpr int kFacesPerChunk = 1 << 14;  // faces per parallel task
 
-/// First and past-the-last column and row that the face can touch.
+/// Range of columns and rows that the face can touch; the ends are exclusive.
 struct Box {
     int x0 = 0, x1 = 0, y0 = 0, y1 = 0;
 
@@ -23,12 +23,12 @@ int clamp_index(double value, int size) {
     return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(size)));
 }
 
-/// Vertices in the frame of a camera.
+/// Vertices in the camera frame.
 struct CameraMesh {
     const TriangleMesh& mesh;
     const Camera& camera;
     std::vector<Vec3d> vertices;
-    std::vector<double> ray_x;  // of each column
+    std::vector<double> ray_x;  // per column
 
     CameraMesh(const TriangleMesh& m, const Camera& c)
         : mesh(m), camera(c), vertices(m.vertices.size()) {
@@ -46,7 +46,8 @@ struct CameraMesh {
         const double nearest = std::min({v[0].z, v[1].z, v[2].z});
         const double farthest = std::max({v[0].z, v[1].z, v[2].z});
         if (!(farthest > 0)) return {};
-        // Vertices behind the camera have no image; such faces are rare and may be anywhere.
+        // Vertices behind the camera have no image. Such faces are rare; their box is the whole
+        // image.
         if (!(nearest > 1e-6 * farthest)) return {0, camera.width_px, 0, camera.height_px};
         double min_x = 1e30, max_x = -1e30, min_y = 1e30, max_y = -1e30;
         for (const Vec3d& p : v) {
@@ -55,7 +56,7 @@ struct CameraMesh {
             min_x = std::min(min_x, x), max_x = std::max(max_x, x);
             min_y = std::min(min_y, y), max_y = std::max(max_y, y);
         }
-        // Pixel centres; rounding may not lose one.
+        // Box over pixel centres, widened so that rounding loses none.
         constexpr double kMargin = 1e-3;
         const auto first = [](double low, int size) {
             return clamp_index(std::ceil(low - 0.5 - kMargin), size);
@@ -68,9 +69,9 @@ struct CameraMesh {
     }
 
     /// Draws the part of a face inside `box`. The ray d through a sample meets the plane of the
-    /// vertices v at sum(b v) = z d with b ~ (d.(v1 x v2), d.(v2 x v0), d.(v0 x v1)):
-    /// perspective-correct without clipping, and two faces see their common edge with exactly
-    /// opposite signs, so nothing leaks.
+    /// vertices v at sum(b v) = z d with b ~ (d.(v1 x v2), d.(v2 x v0), d.(v0 x v1)). This is
+    /// perspective-correct without clipping. Two faces compute exactly opposite signs at their
+    /// common edge, so there are no gaps.
     void draw(int face, Box box, Hits& hits) const {
         const Vec3i f = mesh.faces[face];
         const Vec3d v[3] = {vertices[f.x], vertices[f.y], vertices[f.z]};
@@ -100,9 +101,9 @@ struct CameraMesh {
     }
 };
 
-/// The faces that may touch each band of rows, in the order of their indices.
+/// The faces that may touch each band of rows, ascending.
 struct Bands {
-    std::vector<std::size_t> begin;  // of the faces of each band
+    std::vector<std::size_t> begin;  // first entry of each band
     std::vector<int> faces;
 
     Bands(const std::vector<Box>& boxes, int count) : begin(static_cast<std::size_t>(count) + 1) {

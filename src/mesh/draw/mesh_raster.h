@@ -1,4 +1,4 @@
-// Triangles drawn into a z-buffer: what a camera has in front at each of its samples.
+// Z-buffer rasteriser for triangle meshes on the CPU.
 #pragma once
 
 #include <vector>
@@ -8,20 +8,22 @@
 
 namespace tvsgs {
 
-/// What is in front at the middle of each pixel, as face and barycentric coordinates.
+/// The front face at each pixel centre, with barycentric coordinates.
 struct Hits {
     int width = 0, height = 0;
-    std::vector<float> depth;   // [H W] z-depth, world units; kNoDepth: nothing there
-    std::vector<int> face;      // [H W] -1: none; empty if only depth was asked for
-    std::vector<Vec2f> weight;  // [H W] of the second and third vertex; likewise
+    std::vector<float> depth;  // [H W] z-depth, world units; kNoDepth: no hit
+    std::vector<int> face;     // [H W] -1: no hit; empty if only depth was requested
+    // [H W] of the second and third vertex; empty if only depth was requested.
+    std::vector<Vec2f> weight;
 
     static constexpr float kNoDepth = 1e30f;
 };
 
 enum class HitParts { all, depth };
 
-/// Both sides of a face are drawn; it is cut at the camera plane, not lost. Of two faces at the
-/// same depth the first is in front. The result does not depend on the number of threads.
+/// Draws both sides of a face. A face that crosses the camera plane is cut there, not dropped. Of
+/// two faces at the same depth the first one wins. The result does not depend on the number of
+/// threads.
 Hits find_hits(const TriangleMesh& mesh, const Camera& camera, HitParts parts = HitParts::all);
 
 }  // namespace tvsgs

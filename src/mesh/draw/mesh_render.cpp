@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-/// Vertex attribute at a hit.
+/// Interpolates a vertex attribute at a hit.
 Vec3f interpolate(const TriangleMesh& mesh,
                   const std::vector<Vec3f>& values,
                   const Hits& hits,
@@ -19,7 +19,7 @@ Vec3f interpolate(const TriangleMesh& mesh,
     return (1 - w.x - w.y) * values[face.x] + w.x * values[face.y] + w.y * values[face.z];
 }
 
-/// The texture there, between its four nearest texels.
+/// Bilinear texture lookup at a hit.
 Vec3f texture_color(const MeshTexture& texture, const Hits& hits, std::size_t i) {
     const Vec3i face = texture.faces[hits.face[i]];
     const Vec2f w = hits.weight[i];
@@ -47,7 +47,7 @@ Vec3f face_normal(const TriangleMesh& mesh, Vec3i face) {
     return cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a);
 }
 
-/// RGB image of shade(sample index) where something was hit and `background` elsewhere.
+/// RGB image: shade(sample index) at hits, `background` elsewhere.
 template <class Shade>
 ImageF shade_samples(const Hits& hits, Vec3f background, const Shade& shade) {
     ImageF color(hits.width, hits.height, 3);
@@ -129,7 +129,7 @@ Camera preview_camera(const TriangleMesh& mesh,
                       const std::vector<Camera>& cameras,
                       int width,
                       int height) {
-    Camera camera = cameras[cameras.size() / 2];  // in the order of the names, along the path
+    Camera camera = cameras[cameras.size() / 2];  // the names' order follows the camera path
     const Mat3f R = camera.camera_from_world.R;
     camera.cx_px = 0.5f * static_cast<float>(width);
     camera.cy_px = 0.5f * static_cast<float>(height);
@@ -140,8 +140,8 @@ Camera preview_camera(const TriangleMesh& mesh,
     camera.width_px = width, camera.height_px = height;
     if (mesh.vertices.empty()) return camera;
 
-    // 1. The central 96 % of the vertices along each axis of the camera: floaters must not push the
-    // object into the distance.
+    // 1. Bounds of the central 96 % of the vertices along each camera axis; floaters must not
+    // enlarge the frame.
     Vec3f low, high;
     std::vector<float> values(mesh.vertices.size());
     for (int c = 0; c < 3; ++c) {
@@ -155,13 +155,13 @@ Camera preview_camera(const TriangleMesh& mesh,
         low[c] = at(0.02), high[c] = at(0.98);
     }
 
-    // 2. A camera that stands amid the surface, as in a room, stays there.
+    // 2. A camera inside of the bounds, as in a room, stays where it is.
     const Vec3f seen_from = -camera.camera_from_world.t;
     bool amid = true;
     for (int c = 0; c < 3; ++c) amid = amid && seen_from[c] > low[c] && seen_from[c] < high[c];
     if (amid) return camera;
 
-    // 3. Else as far away as the front of the box needs to fit, with a margin.
+    // 3. Any other camera moves to where the front of the box fits into the image, with a margin.
     constexpr float kMargin = 1.1f;
     const Vec3f half = 0.5f * (high - low);
     const float distance = kMargin * f * std::max(half.x / camera.cx_px, half.y / camera.cy_px);
@@ -188,7 +188,7 @@ ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera, const MeshT
                             : plain            ? kGrey
                             : !texture.empty() ? texture_color(texture, hits, i)
                                                : interpolate(mesh, mesh.colors, hits, i);
-        // Colours carry the light of the photographs already.
+        // Vertex colours already contain the lighting of the photographs.
         return (plain || inside ? 0.3f + 0.7f * facing : 0.6f + 0.4f * facing) * color;
     };
     return to_8bit(box_filter(shade_samples(hits, kBackground, shade), kSamples));

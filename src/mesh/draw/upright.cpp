@@ -8,13 +8,15 @@
 namespace tvsgs {
 
 Mat3<double> upright_from_scene(const std::vector<Camera>& cameras) {
-    constexpr double kTrustInMean = 0.003;  // above what a roll of 3 degrees puts into the rows
+    // Greater than the effect of a camera roll of 3 degrees on the rows.
+    constexpr double kTrustInMean = 0.003;
     if (cameras.empty()) return {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     const auto axis_of = [](const Camera& camera, int row) {
         const float* const r = camera.camera_from_world.R[row];
         return Vec3d{r[0], r[1], r[2]};
     };
-    // 1. The direction with the least of the rows in it, and the most of the mean upward axis.
+    // 1. Up minimises the component along the pixel rows and maximises the one along the mean
+    // upward axis.
     const double share = 1 / static_cast<double>(cameras.size());
     Vec3d mean_up;
     for (const Camera& camera : cameras) mean_up -= share * axis_of(camera, 1);
@@ -30,7 +32,8 @@ Mat3<double> upright_from_scene(const std::vector<Camera>& cameras) {
     const Vec3d least = column(eigen.vectors, 2);
     const Vec3d up = dot(least, mean_up) < 0 ? -least : least;
 
-    // 2. Towards the middle camera, or the lower edge of its image where it looks along `up`.
+    // 2. The front faces the middle camera or, where that looks along `up`, the lower edge of its
+    // image.
     const Camera& middle = cameras[cameras.size() / 2];
     const auto level = [&](Vec3d v) { return v - dot(v, up) * up; };
     Vec3d front = level(-axis_of(middle, 2));

@@ -1,4 +1,4 @@
-// Which way is up, as far as cameras tell.
+// Finds the upright orientation of a scene from its cameras.
 #pragma once
 
 #include <vector>
@@ -7,10 +7,9 @@
 
 namespace tvsgs {
 
-/// The turn of a scene, whose frame may be any, that makes it stand upright for viewers: +y up, and
-/// what the middle one of `cameras` looks at seen from +z. Up is across the cameras' rows of
-/// pixels, as people hold them level, on the side of their mean upward axis.
-/// [docs/method/texture.md#upright]
+/// Rotation of a scene (in any frame) that makes it stand upright in viewers: +y is up, and the
+/// middle one of `cameras` looks from +z. Up is perpendicular to the cameras' pixel rows, because
+/// people hold cameras level, on the side of the mean upward axis. [docs/method/texture.md#upright]
 Mat3<double> upright_from_scene(const std::vector<Camera>& cameras);
 
 }  // namespace tvsgs

@@ -1,14 +1,14 @@
-// Unbounded scenes: space contracted into a ball, in which voxels that are alike grow with their
-// distance in the world.  [Barron22, Eq. 10; 2DGS, utils/mesh_utils]
+// Contraction of an unbounded scene into a ball: voxels of constant size in the ball grow with
+// their distance in the world. [Barron22, Eq. 10; 2DGS, utils/mesh_utils]
 #pragma once
 
 #include "core/math/vec.h"
 
 namespace tvsgs {
 
-/// From the world to the space in which voxels are cubes. Inside of a ball both are alike, with
-/// the origin in its centre; a point n > radius from the centre comes to lie at
-/// 2 radius - radius^2 / n, so that the world ends at twice the radius.
+/// Maps the world to the space in which voxels are cubes, with the origin in the ball's centre.
+/// Inside of the ball the map only shifts. A point at distance n > radius from the centre moves to
+/// distance 2 radius - radius^2 / n, so the whole world lies within twice the radius.
 template <class Real>
 struct Contraction {
     Vec3<Real> centre;  // world units
@@ -23,7 +23,7 @@ struct Contraction {
         return n > radius ? (2 - radius / n) * (radius / n) * q : q;
     }
 
-    /// Not finite from twice the radius on.
+    /// Not finite at distances of twice the radius and more.
     TVSGS_HD Vec3<Real> expand(Vec3<Real> p) const {
         if (!is_on()) return p;
         const Real m = norm(p) / radius;
@@ -31,17 +31,17 @@ struct Contraction {
         return centre + (m > 1 ? p / (m * (2 - m)) : p);
     }
 
-    /// Distance from the centre in radii, at least 1. Around a point beyond the ball, a small
-    /// length away from the centre contracts to 1 / growth^2 of itself, one across to about
-    /// 2 / growth.
+    /// Distance from the centre in radii, at least 1. Around a point outside of the ball,
+    /// contraction scales a small radial length by 1 / growth^2 and a tangential one by about 2 /
+    /// growth.
     TVSGS_HD Real growth(Vec3<Real> p_world) const {
         if (!is_on()) return 1;
         const Real g = norm(p_world - centre) / radius;
         return g > 1 ? g : 1;
     }
 
-    /// How far from the centre a surface may lie so that a voxel `margin` behind it in contracted
-    /// space has a place in the world.
+    /// Greatest distance of a surface from the centre at which a voxel `margin` behind it in
+    /// contracted space still has a place in the world.
     TVSGS_HD Real reach(Real margin) const { return radius * (radius / margin); }
 };
 

@@ -1,4 +1,4 @@
-// What both twins of clean_depth do for one pixel.
+// The per-pixel work of clean_depth, shared by CPU and CUDA.
 #pragma once
 
 #include "core/device/parallel.h"

@@ -1,4 +1,4 @@
-// A depth map of a view, and where its pixels lie.
+// A depth map with its camera, and the world points of its pixels.
 #pragma once
 
 #include "core/device/buffer.h"
@@ -9,7 +9,7 @@ namespace tvsgs {
 template <class Device>
 struct DepthView {
     Camera camera;
-    Span<const float> depth;        // [H W] z-depth; 0: nothing there
+    Span<const float> depth;        // [H W] z-depth; 0: none
     Span<const Vec3f> color;        // [H W]
     Span<const float> weight = {};  // [H W] of the depths; empty: 1
     Span<const Vec3f> normal = {};  // [H W] camera frame, facing the camera, of any length

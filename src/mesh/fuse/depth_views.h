@@ -1,4 +1,4 @@
-// The depth of views as meshers take it: rendered, without what the rules drop.
+// Renders and cleans the depth maps of all views for the meshers.
 #pragma once
 
 #include <string>
@@ -13,10 +13,10 @@
 
 namespace tvsgs {
 
-/// Of those that are there; 0 without any.
+/// Median of the positive depths; 0 if there is none.
 double median_depth(std::vector<float> depths);
 
-/// "any" where there is no limit.
+/// The depth limit as text; "any" if there is none.
 std::string limit_text(const DepthRules& rules);
 
 namespace detail {
@@ -31,7 +31,7 @@ std::string why_none_passed(const DepthCounts& counts,
 template <class Device>
 class DepthViews {
 public:
-    /// `masks`: what lies outside of them is dropped, too. References must outlive it.
+    /// `masks`: drop pixels outside of the views' masks, too. References must outlive the object.
     DepthViews(const std::vector<View>& views,
                const Gaussians<Device>& gaussians,
                Backbone<Device>& backbone,
@@ -49,7 +49,7 @@ public:
     /// A mesher may tighten them before the first view.
     DepthRules& rules() { return rules_; }
 
-    /// Whether what lies outside of the views' masks is dropped.
+    /// Whether pixels outside of the views' masks are dropped.
     bool masks() const { return masks_; }
 
     /// [H W] 255: object; empty: everything.
@@ -64,7 +64,7 @@ public:
         DepthCounts& count = counts_[static_cast<std::size_t>(i)];
         const auto& rendered = backbone_.forward(gaussians_, view.camera, gaussians_.sh_degree,
                                                  Maps::color | kGeometryMaps);
-        const Camera& camera = rendered.camera;  // that of the depths
+        const Camera& camera = rendered.camera;  // of the depths
         copy(mask(i), mask_);
         count = clean_depth(rendered, camera, std::as_const(mask_).span(), rules_, clean_);
         if (count.kept == 0) median_ = median_depth(to_host(rendered.depth));
@@ -72,16 +72,16 @@ public:
                 std::as_const(clean_.weight).span(), rendered.normal.span()};
     }
 
-    /// The depth that view() gave last.
+    /// The depth of the last view() call.
     std::vector<float> depth_on_host() const { return to_host(clean_.depth); }
 
-    /// Its weights; empty: 1 each.
+    /// The weights of the last view() call; empty: 1 each.
     std::vector<float> weight_on_host() const { return to_host(clean_.weight); }
 
-    /// What became of the pixels of a view that was rendered.
+    /// Pixel counts of a rendered view.
     const DepthCounts& counts(int i) const { return counts_[static_cast<std::size_t>(i)]; }
 
-    /// Says at `level` what became of all pixels.
+    /// Logs at `level` why pixels were dropped.
     void say_fates(spdlog::level::level_enum level) const {
         detail::say_fates(total(), rules_, level);
     }
@@ -103,15 +103,15 @@ private:
     Backbone<Device>& backbone_;
     DepthRules rules_;
     bool masks_;
-    std::vector<DepthCounts> counts_;  // by view, as one may be asked for twice
-    double median_ = 0;                // of the last view of which nothing passed
+    std::vector<DepthCounts> counts_;  // by view, because a view may be rendered twice
+    double median_ = 0;                // of the last view without kept pixels
     // Of the last view:
     CleanDepth<Device> clean_;
     Buffer<std::uint8_t, Device> mask_;
 };
 
-/// The depth of the views, with the pixels that are trusted; `depth` must outlive it, and its
-/// weights are those of trust from now on.
+/// Depth maps and trust of all views. `depth` must outlive the result and computes weights of trust
+/// from now on.
 template <class Device>
 EvidenceSource evidence_of(DepthViews<Device>& depth) {
     depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;

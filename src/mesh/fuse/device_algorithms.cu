@@ -13,7 +13,8 @@
 namespace tvsgs {
 namespace {
 
-/// Thrust's temporary memory lies outside of Buffer; running out of it gets the same exit code.
+/// Thrust allocates temporary memory outside of Buffer; this maps its failure to the same exit
+/// code.
 template <class Action>
 auto with_thrust_memory(const Action& action) {
     try {

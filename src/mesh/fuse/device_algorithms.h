@@ -1,4 +1,4 @@
-// Sorting, scanning and free memory, once per device.
+// Sorting, scanning and free memory, for CPU and CUDA.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@ namespace tvsgs {
 void sort_unique(Buffer<std::uint64_t, Cpu>& keys);
 void sort_unique(Buffer<std::uint64_t, Cuda>& keys);
 
-/// Each count becomes the sum of those before it. Returns the total, in 64 bits: the sums
-/// themselves are of no use when it does not fit into 32.
+/// Replaces each count by the sum of the counts before it. Returns the total in 64 bits; if it does
+/// not fit into 32 bits, the sums are invalid.
 std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts);
 std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cuda>& counts);
 
-/// Memory that could be had now, in bytes.
+/// Free memory in bytes.
 std::int64_t free_bytes(Cpu);
 std::int64_t free_bytes(Cuda);
 
@@ -33,7 +33,7 @@ TVSGS_HD inline int lower_bound(Span<const std::uint64_t> keys, std::uint64_t ke
     return first;
 }
 
-/// Place of `key` in the ascending `keys`, -1 when it is not there.
+/// Index of `key` in the ascending `keys`; -1: not found.
 TVSGS_HD inline int find_key(Span<const std::uint64_t> keys, std::uint64_t key) {
     const int i = lower_bound(keys, key);
     return i < keys.size() && keys[i] == key ? i : -1;

@@ -7,8 +7,8 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kMaxCondition =
-    1e8;  // beyond, the axes are parallel up to the rounding of the poses
+// Beyond it, the axes are parallel up to the rounding of the poses.
+constexpr double kMaxCondition = 1e8;
 
 Eigen::Vector3d centre(const Camera& camera) {
     const Vec3f c = camera_centre(camera);

@@ -1,4 +1,4 @@
-// Many depth maps to one mesh within a budget of memory.
+// Fuses depth maps into one mesh within a memory limit.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ struct FusionReport {
 
 namespace detail {
 
-/// The views' maps are kept on disk; each part is fused from those that touch it.
+/// Stores the views' maps on disk, then fuses each part from the views that touch it.
 template <class Device>
 TriangleMesh fuse_in_parts(int views,
                            const std::function<DepthView<Device>(int)>& source,
@@ -86,11 +86,12 @@ TriangleMesh fuse_in_parts(int views,
 
 }  // namespace detail
 
-/// The surface of views 0 to `views` - 1, in this order: the same mesh, byte for byte, for every
-/// options.max_bytes. `source(i)` renders view i, what it returns is valid until the next call; it
-/// is called once per view while all fits (once more to carve, and to trust), and starts again with
-/// view 0 when it turns out not to. Then an unnamed file in `spill_folder` takes 16 bytes per pixel
-/// of every view, 20 with weights. Throws what TsdfVolume and PartPlanner throw.
+/// Fuses views 0 to `views` - 1, in this order. The mesh has the same bytes for every
+/// options.max_bytes. `source(i)` renders view i; its result is valid until the next call. It is
+/// called once per view while everything fits (once more to carve, and once more for trust), and
+/// again from view 0 if the volume turns out not to fit. In that case an unnamed file in
+/// `spill_folder` takes 16 bytes per pixel of every view, 20 with weights. Throws what TsdfVolume
+/// and PartPlanner throw.
 template <class Device>
 TriangleMesh fuse_views(int views,
                         const std::function<DepthView<Device>(int)>& source,

@@ -1,4 +1,4 @@
-// Splats too large to be measured surface are not meshed.
+// Fades splats that are too large to be a measured surface.
 #pragma once
 
 #include <algorithm>
@@ -28,10 +28,10 @@ struct FadeLargeBody {
     }
 };
 
-/// Makes splats invisible whose largest standard deviation is above `max_px` pixels of the camera
-/// whose pixels are the finest there, of those that have its mean in their image if any has. Where
-/// no measured point was, splats that grow over the gap show the right colour at any depth.
-/// [docs/method/trust.md#large-splats] Returns how many.
+/// Makes a splat invisible if its largest standard deviation exceeds `max_px` pixels. The pixel is
+/// that of the camera with the finest one at the splat, preferring cameras whose image contains its
+/// mean. Splats that grow over a gap without start points show the right colour at any depth.
+/// Returns the number of faded splats. [docs/method/trust.md#large-splats]
 std::size_t fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians);
 std::size_t fade_large(const std::vector<Camera>& cameras,
                        float max_px,

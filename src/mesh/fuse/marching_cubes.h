@@ -1,4 +1,4 @@
-// Signed distances to triangles: the last step from depth maps to a mesh.
+// Marching cubes: a mesh from the signed distances of voxels.
 #pragma once
 
 #include <cstdint>
@@ -9,25 +9,25 @@
 
 namespace tvsgs {
 
-/// The surface where the signed distance changes sign, between voxel centres of weight >=
-/// `min_weight` (and > 0); one vertex per crossed edge, triangles face free space. Vertices and
-/// faces come in the order of the blocks' keys, x-fastest within: equal volumes give equal meshes
-/// on both devices. Throws Error(ExitCode::memory) when there is no room.  [Lorensen87]
+/// Extracts the surface where the signed distance changes sign between voxel centres of weight >=
+/// `min_weight` (and > 0): one vertex per crossed edge, faces oriented towards free space. Vertices
+/// and faces come in the order of the blocks' keys, x-fastest within a block; equal volumes give
+/// equal meshes on both devices. Throws Error(ExitCode::memory) if there is no room. [Lorensen87]
 TriangleMesh marching_cubes(const VoxelBlocks<Cpu>& blocks, float min_weight = 1);
 TriangleMesh marching_cubes(const VoxelBlocks<Cuda>& blocks, float min_weight = 1);
 
-inline constexpr int kBlockEdges =
-    3 * kBlockVoxels;  // of a block: (voxel, axis) by 3 * voxel + axis
+inline constexpr int kBlockEdges = 3 * kBlockVoxels;  // of a block: axis a of voxel v is 3 * v + a
 
-/// The surface of some of the blocks, as a piece of the whole.
+/// The surface of a range of blocks.
 struct MeshPart {
-    TriangleMesh mesh;  // corner >= 0: a vertex of its own; else edge e of block b that is not
-                        // among them, as ~(b * kBlockEdges + e)
+    // A face's corner >= 0 is a vertex of this part; else it is edge e of a block b of another
+    // part, as ~(b * kBlockEdges + e).
+    TriangleMesh mesh;
     std::vector<std::uint16_t> edges;           // of each vertex, ascending within a block
-    std::vector<std::uint32_t> block_vertices;  // [own blocks] the first vertex of each
+    std::vector<std::uint32_t> block_vertices;  // [own blocks] first vertex of each
 };
 
-/// Vertices and faces of blocks [first, first + count); those around them must be there, too.
+/// Vertices and faces of blocks [first, first + count); their neighbour blocks must be present.
 MeshPart marching_cubes_part(const VoxelBlocks<Cpu>& blocks,
                              float min_weight,
                              int first,
@@ -37,7 +37,7 @@ MeshPart marching_cubes_part(const VoxelBlocks<Cuda>& blocks,
                              int first,
                              int count);
 
-/// Error(ExitCode::memory): more than the indices of a PLY file can number.
+/// Throws Error(ExitCode::memory): the indices of a PLY file cannot number so many.
 [[noreturn]] void throw_mesh_too_large(std::uint64_t vertices, std::uint64_t faces);
 
 }  // namespace tvsgs

@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace detail {
 
-/// Where the blocks around a block are, itself included: -1 is absent.
+/// Finds the 27 blocks around each block, itself included; -1: absent.
 struct NeighboursBody {
     Span<const std::uint64_t> keys;
     Span<int> neighbours;  // [B 27]
@@ -27,7 +27,7 @@ struct NeighboursBody {
     }
 };
 
-/// Voxels by number (block * 512 + local), and from one to those around it.
+/// Addresses voxels by number (block * 512 + local), and their neighbours.
 struct VoxelGrid {
     Span<const std::uint64_t> keys;
     Span<const int> places, neighbours;
@@ -35,7 +35,7 @@ struct VoxelGrid {
     float voxel_size;
     Contraction<float> contraction;
 
-    /// Number of the voxel `offset` (entries -1, 0, 1) away; -1 when its block is absent.
+    /// Number of the voxel at `offset` (entries -1, 0, 1); -1 if its block is absent.
     TVSGS_HD int moved(int voxel, Vec3i offset) const {
         const Vec3i local = local_of_index(voxel % kBlockVoxels) + offset;
         const auto step = [](int c) { return c < 0 ? 0 : c < kBlockEdge ? 1 : 2; };
@@ -55,7 +55,7 @@ struct VoxelGrid {
     }
 };
 
-/// The blocks that own what is made.
+/// The range of blocks to mesh.
 struct BlockRun {
     int first, count;
 
@@ -68,7 +68,7 @@ TVSGS_HD inline Vec3i axis_offset(int axis) {
     return {axis == 0, axis == 1, axis == 2};
 }
 
-/// The case of each cell; 0 where a corner is not known.
+/// The case of each cell; 0 if a corner is unknown.
 struct CasesBody {
     VoxelGrid grid;
     Span<const CubeCase> table;
@@ -96,7 +96,7 @@ struct CasesBody {
     }
 };
 
-/// Which of a voxel's three edges carry a vertex: those that a cell with a case crosses.
+/// Marks which of a voxel's three edges carry a vertex: crossed edges of cells with a case.
 struct EdgesBody {
     VoxelGrid grid;
     BlockRun own;
@@ -137,7 +137,7 @@ struct VerticesBody {
             if (!(edges[voxel] >> axis & 1)) continue;
             const Voxel& a = grid.value(voxel);
             const Voxel& b = grid.value(grid.moved(voxel, axis_offset(axis)));
-            // One of the two is below zero, so the sum is not zero.
+            // Exactly one of the two is negative, so the sum is not zero.
             const float distance_a = std::fabs(a.tsdf), distance_b = std::fabs(b.tsdf);
             const float t = distance_a / (distance_a + distance_b);
             Vec3f p = grid.centre(voxel);
@@ -184,7 +184,7 @@ struct FacesBody {
     }
 };
 
-/// Of blocks [first, first + count); `part`, if not null, gets its edges and block_vertices.
+/// Meshes blocks [first, first + count); `part`, if not null, gets its edges and block_vertices.
 template <class Device>
 TriangleMesh marching_cubes_on(
     const VoxelBlocks<Device>& blocks, float min_weight, int first, int count, MeshPart* part) {

@@ -31,8 +31,9 @@ bool on_one_face(int edge_a, int edge_b) {
     return false;
 }
 
-/// Fan over a contour. It starts where no diagonal lies in a face of the cell if there is such a
-/// place: the neighbouring cell could have the same diagonal, and an edge would get four triangles.
+/// Triangulates a contour as a fan. Starts where no diagonal lies in a face of the cell, if
+/// possible: the neighbouring cell could have the same diagonal, and the edge would get four
+/// triangles.
 void add_fan(const std::vector<int>& contour, CubeCase& result) {
     const std::size_t n = contour.size();
     std::size_t best = 0, fewest = n;
@@ -53,8 +54,8 @@ void add_fan(const std::vector<int>& contour, CubeCase& result) {
 }
 
 CubeCase trace(int inside) {
-    // Going around a face, the contour leads from where the inside is entered to where it is left
-    // next. Each crossed edge is entered on one of its two faces and left on the other.
+    // On each face, the contour runs from the edge where it enters the inside to the edge where it
+    // leaves it next. Each crossed edge is entered on one of its two faces and left on the other.
     std::array<int, kCubeEdges> next;
     next.fill(-1);
     for (const auto& face : kFaces)

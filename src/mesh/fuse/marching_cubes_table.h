@@ -1,4 +1,4 @@
-// The 256 cases of marching cubes, derived instead of typed in.
+// The 256 cases of marching cubes, computed instead of listed.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 namespace tvsgs {
 
 /// Corner c of a cell is at (c & 1, c >> 1 & 1, c >> 2 & 1). Edge e runs along axis e / 4 from
-/// corner edge_corner(e); bit c of a case is set when corner c is inside of the surface.
+/// corner edge_corner(e). Bit c of a case is set if corner c is inside of the surface.
 inline constexpr int kCubeCorners = 8, kCubeEdges = 12;
 
 TVSGS_HD inline Vec3i corner_offset(int corner) {
@@ -20,7 +20,7 @@ TVSGS_HD constexpr int edge_axis(int edge) {
 }
 /// The lower of the two corners of an edge.
 TVSGS_HD constexpr int edge_corner(int edge) {
-    // The two bits beside the axis, spread around it.
+    // The two low bits of the edge become the corner's bits of the other two axes.
     const int axis = edge_axis(edge), low = edge & 1, high = edge >> 1 & 1;
     return axis == 0 ? low << 1 | high << 2 : axis == 1 ? low | high << 2 : low | high << 1;
 }
@@ -33,8 +33,8 @@ struct CubeCase {
     std::int8_t edges[3 * kMaxTriangles] = {};
 };
 
-/// Contours are traced face by face, and a face with two crossing contours always separates its
-/// inside corners: neighbouring cells agree, so closed surfaces have no holes.
+/// Traces contours face by face. A face with two crossing contours always separates its inside
+/// corners; neighbouring cells agree, so closed surfaces have no holes.
 std::array<CubeCase, 256> marching_cubes_table();
 
 }  // namespace tvsgs

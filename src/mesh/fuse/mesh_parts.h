@@ -1,5 +1,5 @@
-// A volume that does not fit into memory is worked through in parts: runs of blocks in the order of
-// their keys, each with the blocks around it, so that its surface comes out as if all were there.
+// Splits a volume that does not fit into memory into parts: runs of blocks in the order of their
+// keys, each with its neighbour blocks. The joined surface equals that of the whole volume.
 #pragma once
 
 #include <cstdint>
@@ -10,18 +10,18 @@
 namespace tvsgs {
 
 struct BlockPart {
-    std::vector<std::uint64_t> keys;  // ascending: the part's own blocks and those around them
-    int first = 0, count = 0;         // its own
+    std::vector<std::uint64_t> keys;  // ascending: the part's own blocks and their neighbours
+    int first = 0, count = 0;         // range of its own blocks in `keys`
 };
 
-/// Divides ascending keys.
+/// Splits ascending keys into parts.
 class PartPlanner {
 public:
     /// Parts have at most `capacity` blocks. `keys` must outlive the planner.
     PartPlanner(const std::vector<std::uint64_t>& keys, std::size_t capacity);
 
-    /// False when no part is left. Throws Error(ExitCode::memory) when a single block does not fit
-    /// with those around it.
+    /// False if no part is left. Throws Error(ExitCode::memory) if a single block does not fit with
+    /// its neighbours.
     bool next(BlockPart& part);
 
 private:
@@ -29,11 +29,11 @@ private:
 
     const std::vector<std::uint64_t>& keys_;
     std::size_t capacity_, begin_ = 0;
-    std::vector<char> loaded_;         // in the part being made
-    std::vector<std::size_t> places_;  // those
+    std::vector<char> loaded_;         // whether a block is in the current part
+    std::vector<std::size_t> places_;  // indices of the blocks of the current part
 };
 
-/// Puts the surfaces of consecutive parts together.
+/// Joins the surfaces of consecutive parts.
 class MeshJoiner {
 public:
     explicit MeshJoiner(const std::vector<std::uint64_t>& keys);
@@ -42,7 +42,7 @@ public:
     TriangleMesh finish();
 
 private:
-    /// A corner of a face whose vertex belongs to a part that comes later, or came before.
+    /// A corner of a face whose vertex belongs to another part.
     struct Pending {
         std::size_t corner;  // 3 * face + 0, 1 or 2
         std::size_t block;

@@ -57,10 +57,10 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     return volume;
 }
 
-/// A pixel marks what lies within the truncation of its depth. Where the marks of neighbouring
-/// pixels do not touch, the surface falls apart into specks.
+/// A pixel marks the blocks within the truncation of its depth. If the marks of neighbouring pixels
+/// do not touch, the surface breaks into specks.
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
-    if (volume.contraction.is_on())  // which brings far pixels closer together
+    if (volume.contraction.is_on())  // contraction moves far pixels closer together
         for (int i = 0; i < static_cast<int>(depths.size()); ++i) {
             float& d = depths[static_cast<std::size_t>(i)];
             d /= volume.contraction.growth(

@@ -1,4 +1,4 @@
-// The surface of a truncated signed distance field that depth maps are fused into.
+// TSDF mesher: fuses depth maps into a truncated signed distance field and meshes it.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace tvsgs {
 
-/// Of what one view alone has seen: what stays.
+/// Which surface that a single view has seen is kept.
 enum class LoneViews { trusted, all };
 
 struct TsdfMesherOptions {
@@ -54,7 +54,7 @@ namespace detail {
 /// Throws Error(ExitCode::usage) for options that contradict each other.
 void check_tsdf_options(const TsdfMesherOptions& options);
 
-/// The volume for those views; `rules` get its weighting and its reach. What is chosen is said at
+/// The volume for `views`; sets the weighting and the reach of `rules`. Logs its choices at
 /// `level`.
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         const std::vector<View>& views,
@@ -62,7 +62,7 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         std::int64_t max_bytes,
                         spdlog::level::level_enum level,
                         DepthRules& rules);
-/// Throws Error(ExitCode::usage) where a view's surface would have gaps.
+/// Throws Error(ExitCode::usage) if the surface of a view would have gaps.
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume);
 void say_volume(const FusionReport& fusion, spdlog::level::level_enum level);
 

@@ -1,4 +1,4 @@
-// How long a pixel is at a point.
+// The length of a pixel at a point.
 #pragma once
 
 #include <algorithm>
@@ -8,8 +8,8 @@
 
 namespace tvsgs {
 
-/// World units per pixel of the nearest camera whose image the point lies in, whatever hides it; 0:
-/// of none.
+/// World units per pixel of the nearest camera whose image contains the point, occluded or not; 0:
+/// none.
 inline float pixel_length(const std::vector<Camera>& cameras, Vec3f point) {
     float least = 0;
     for (const Camera& camera : cameras) {

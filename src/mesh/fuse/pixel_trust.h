@@ -1,4 +1,4 @@
-// Which pixels of a depth map are sure enough that what no other view confirms may rest on them.
+// Decides which pixels of a depth map are trusted to create surface without a second view.
 #pragma once
 
 #include "core/device/buffer.h"
@@ -6,37 +6,37 @@
 
 namespace tvsgs {
 
-/// Weight of a pixel that is trusted, and of one that is not. A voxel that asks for the former
-/// needs a trusted pixel, or two others; their sums are exact, so it has just that much only if one
-/// trusted pixel is all it has.
+/// Weights of trusted and other pixels. A voxel with threshold kTrustedWeight needs one trusted
+/// pixel or two others. Sums are exact: a voxel has exactly this weight only if it rests on one
+/// trusted pixel alone.
 inline constexpr float kTrustedWeight = 1, kDoubtedWeight = 0.75f;
 
-/// Where nothing else is asked for: the largest jump of the depth between neighbours that one
-/// surface has, in widths of a pixel along it. Where depths of splats are wrong, they are so
-/// behind edges, or rough. [docs/method/trust.md#which-pixels-are-trusted]
+/// Default limit of a depth jump between neighbours of one surface, in pixel widths along the
+/// surface. Wrong depths of splats occur behind edges or are rough.
+/// [docs/method/trust.md#which-pixels-are-trusted]
 inline constexpr float kJumpPx = 0.25f;
 
-/// A pixel's piece of surface, in the camera frame.
+/// The surface element of a pixel, in the camera frame.
 struct SurfacePixel {
     Vec3f ray;     // z = 1
-    float depth;   // 0: nothing there
+    float depth;   // 0: none
     Vec3f normal;  // facing the camera, of any length; 0: unknown
 
-    /// Depth at which the plane of this piece meets another ray; its own where that is not in
+    /// Depth at which the plane of this element meets another ray; its own depth if that is not in
     /// front.
     TVSGS_HD float depth_at(Vec3f other) const {
         const float d = depth * (dot(normal, ray) / dot(normal, other));
         return d > 0 ? d : depth;
     }
-    /// How far along the surface a pixel reaches; at most ten times as far as if seen frontally.
+    /// Extent of a pixel along the surface; at most ten times the frontal extent.
     TVSGS_HD float width(float focal_px) const {
         const float cosine = -dot(ray, normal) / (norm(ray) * norm(normal));
         return depth / (focal_px * (cosine > 0.1f ? cosine : 0.1f));
     }
 };
 
-/// Whether the surface breaks off between neighbouring pixels: the plane of neither leads to the
-/// other, or one of them has no depth.
+/// Whether neighbouring pixels are on different surfaces: neither plane predicts the other's depth,
+/// or one has no depth.
 TVSGS_HD inline bool is_jump(const SurfacePixel& a,
                              const SurfacePixel& b,
                              float focal_px,
@@ -49,23 +49,23 @@ TVSGS_HD inline bool is_jump(const SurfacePixel& a,
              jump_px * (width_a > width_b ? width_a : width_b));
 }
 
-/// The weight of a pixel. Trusted is where the surface goes on, along the row and along the column,
-/// to one side at least, and breaks off to nothing but what lies behind: a rim is, as is what is
-/// whole; what lies next to a rim, behind it, is not, nor what lies between front and back.
+/// Computes the weight of a pixel. It is trusted if, along the row and along the column, the
+/// surface continues to at least one side, and no neighbour beyond a jump is in front. So the front
+/// side of a boundary is trusted, but not the pixels behind it, nor pixels between front and back.
 struct PixelTrustBody {
     Camera camera;
     Span<const float> kept;      // [H W] 0: dropped
-    Span<const float> rendered;  // [H W] the depths themselves, not rounded to steps
+    Span<const float> rendered;  // [H W] the rendered depths, before rounding
     Span<const Vec3f> normals;   // [H W]
     Span<float> weight;          // [H W]
-    float jump_px;               // larger ones are where the surface breaks off
+    float jump_px;               // a larger jump ends a surface
 
     TVSGS_HD SurfacePixel at(int x, int y) const {
         const int i = y * camera.width_px + x;
         return {pixel_ray(camera, x, y), kept[i] > 0 ? rendered[i] : 0, normals[i]};
     }
-    /// Whether the surface goes on to one of two opposite neighbours, and nothing in front of it
-    /// begins at the other. What the image does not have is as the other is.
+    /// Whether the surface continues to one of two opposite neighbours and neither is in front
+    /// beyond a jump. A neighbour outside of the image is taken to be like the other one.
     TVSGS_HD bool goes_on(const SurfacePixel& own, int x, int y, int dx, int dy) const {
         int neighbours = 0, jumps = 0;
         for (const int side : {-1, 1}) {

@@ -5,7 +5,7 @@
 namespace tvsgs {
 namespace {
 
-/// Where it cannot be made, making the file says why.
+/// Makes the folder; ignores a failure, because creating the file reports it.
 const std::string& made(const std::string& folder) {
     std::error_code code;
     std::filesystem::create_directories(folder, code);

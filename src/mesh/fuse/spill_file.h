@@ -8,11 +8,10 @@
 
 namespace tvsgs {
 
-/// Arrays that do not fit into memory, one after the other in a scratch file. All throw
-/// Error(ExitCode::io).
+/// Scratch file for arrays that do not fit into memory. All functions throw Error(ExitCode::io).
 class SpillFile {
 public:
-    /// The folder is made where it is missing.
+    /// Makes the folder if it does not exist.
     explicit SpillFile(const std::string& folder);
 
     struct Place {

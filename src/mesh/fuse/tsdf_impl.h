@@ -1,4 +1,4 @@
-// The fusion itself, for both devices; tsdf.cpp and tsdf.cu instantiate it.
+// TSDF fusion for both devices; tsdf.cpp and tsdf.cu instantiate it.
 #pragma once
 
 #include <algorithm>
@@ -17,9 +17,9 @@ namespace detail {
 
 inline constexpr std::uint32_t kTooMany = 1u << 31;  // blocks of one pixel, or of one view
 inline constexpr int kMaxBlocks = (1 << 22) - 1;     // voxels are counted in int
-inline constexpr int kMaxPartBlocks = 1'000'000;     // edges of a part's voxels are, too
+inline constexpr int kMaxPartBlocks = 1'000'000;     // edges of a part's voxels are counted in int
 
-/// Blocks of pixel i that its left neighbour does not mark as well: most pixels then mark none.
+/// Blocks that pixel i marks and its left neighbour does not; usually none.
 struct PixelBlocks {
     BlockRange own, left;
 
@@ -71,12 +71,12 @@ struct FlagNewBody {
     TVSGS_HD void operator()(int i) const { is_new[i] = find_key(keys, view_keys[i]) < 0 ? 1 : 0; }
 };
 
-/// Places of a view's blocks; new blocks take the places after the old ones, in the order of their
+/// Finds the places of a view's blocks. New blocks take the next places, in the order of their
 /// keys.
 struct AssignPlacesBody {
     Span<const std::uint64_t> keys, view_keys;
     Span<const int> places;
-    Span<const std::uint32_t> offsets;  // new blocks before this one
+    Span<const std::uint32_t> offsets;  // number of new blocks before this one
     Span<int> view_places;
     Span<std::uint64_t> new_keys;
 
@@ -87,7 +87,7 @@ struct AssignPlacesBody {
     }
 };
 
-/// Places of blocks that are there.
+/// Finds the places of existing blocks.
 struct FindPlacesBody {
     Span<const std::uint64_t> keys, view_keys;
     Span<const int> places;
@@ -96,8 +96,8 @@ struct FindPlacesBody {
     TVSGS_HD void operator()(int i) const { view_places[i] = places[find_key(keys, view_keys[i])]; }
 };
 
-/// Merges two ascending lists without common keys: an element's position is its own plus the number
-/// of smaller ones in the other list.
+/// Merges two ascending lists without common keys. The position of an element is its index plus the
+/// number of smaller elements in the other list.
 struct MergeBody {
     Span<const std::uint64_t> keys, new_keys;
     Span<const int> places;
@@ -135,7 +135,7 @@ struct IntegrateBody {
     }
 };
 
-/// Which blocks a view may see something of.
+/// Marks the blocks that may contain a point in view.
 struct InViewBody {
     SightLimits limits;
     float voxel_size;
@@ -162,14 +162,14 @@ struct ListBlocksBody {
     }
 };
 
-/// Views that look through what one view alone has put there take it away.
+/// Clears voxels that one view alone has created and another view looks through.
 struct ContradictBody {
     Camera camera;
     Span<const float> depth, weight;
     VoxelSpace space;
     Span<const std::uint64_t> keys;
     Span<const int> places;
-    Span<const int> listed;  // blocks to look at; empty: all
+    Span<const int> listed;  // blocks to check; empty: all
     Span<Voxel* const> chunks;
 
     TVSGS_HD void operator()(int i) const {
@@ -243,7 +243,7 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
                  detail::CountBlocksBody{camera, view.depth, space, offsets_.span()});
     const std::uint64_t total = exclusive_scan(offsets_);
     if (total >= detail::kTooMany) {
-        // Why? Look again on the host; only this message needs to know.
+        // Finds the cause on the host, for the error message only.
         std::vector<float> depth(view.depth.count);
         tvsgs::detail::copy(Device{}, view.depth.data, Cpu{}, depth.data(),
                             depth.size() * sizeof(float));
@@ -336,7 +336,7 @@ void TsdfVolume<Device>::start_part(const std::vector<std::uint64_t>& keys) {
     std::vector<int> places(keys.size());
     std::iota(places.begin(), places.end(), 0);
     copy(places, blocks_.places);
-    // Unlike in a volume that grows, the last chunk is no larger than needed.
+    // Unlike in a growing volume, the last chunk is no larger than needed.
     std::size_t room = 0;
     for (const auto& chunk : blocks_.chunks) room += chunk.size() / kBlockVoxels;
     if (room < keys.size()) {
@@ -369,7 +369,8 @@ void TsdfVolume<Device>::contradict(const DepthView<Device>& view) {
     const int all = blocks_.size();
     int count = all;
     view_blocks_.resize(0);
-    if (!options_.contraction.is_on() && all > 0) {  // where blocks are boxes
+    // Blocks are boxes in the world only without contraction.
+    if (!options_.contraction.is_on() && all > 0) {
         offsets_.resize(static_cast<std::size_t>(all));
         parallel_for(Device{}, all,
                      detail::InViewBody{SightLimits(view.camera), options_.voxel_size,

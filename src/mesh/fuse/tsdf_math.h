@@ -1,4 +1,4 @@
-// One voxel and one depth pixel of truncated signed distance fusion.  [Curless96; Open3D's legacy
+// One voxel and one depth pixel of truncated signed distance fusion. [Curless96; Open3D's legacy
 // volume, docs: mesh extraction]
 #pragma once
 
@@ -17,7 +17,7 @@ inline constexpr int kBlockReach = 1 << 20;  // block coordinates lie in [-kBloc
 
 struct Voxel {
     float tsdf = 0;    // in units of the truncation, [-1, 1]; positive in free space
-    float weight = 0;  // sum over the views: their number, if each has weight 1; 0: never seen
+    float weight = 0;  // sum over the views; their number, if each has weight 1; 0: never seen
     Vec3f color;       // mean over the views
 };
 
@@ -34,7 +34,7 @@ TVSGS_HD inline Vec3i block_of_key(std::uint64_t key) {
             static_cast<int>(key >> 42) - kBlockReach};
 }
 
-/// Voxels of a block lie x-fastest.
+/// Voxels of a block are stored x-fastest.
 TVSGS_HD inline int local_index(Vec3i p) {
     return (p.z * kBlockEdge + p.y) * kBlockEdge + p.x;
 }
@@ -51,7 +51,7 @@ TVSGS_HD inline Vec3f voxel_centre(Vec3i block, Vec3i local, float voxel_size) {
             coordinate(block.z, local.z)};
 }
 
-/// Blocks from `first` to `last`, both included; none when first > last.
+/// Blocks from `first` to `last`, both included; none if first > last.
 struct BlockRange {
     Vec3i first{0, 0, 0}, last{-1, -1, -1};
     bool too_far = false;  // beyond the block coordinates that fit into a key
@@ -74,14 +74,14 @@ TVSGS_HD inline bool contains(const BlockRange& r, Vec3i p) {
            p.z >= r.first.z && p.z <= r.last.z;
 }
 
-/// Where voxels are, and how far from the surface they are fused.
+/// Size and truncation of voxels.
 struct VoxelSpace {
-    float voxel_size = 0, truncation = 0;  // world units, inside of the ball if there is one
+    float voxel_size = 0, truncation = 0;  // world units; with a contraction, as inside of the ball
     Contraction<float> contraction;
 };
 
-/// Blocks that the axis-aligned box around a pixel's surface point overlaps, the truncation to each
-/// side; none beyond the reach of a contraction.
+/// Blocks that overlap the axis-aligned box around a pixel's surface point, of the truncation to
+/// each side; none beyond the reach of a contraction.
 TVSGS_HD inline BlockRange blocks_of_pixel(
     const Camera& camera, int x, int y, float depth, const VoxelSpace& space) {
     BlockRange range;
@@ -106,24 +106,25 @@ TVSGS_HD inline BlockRange blocks_of_pixel(
     return range;
 }
 
-/// What a view says about a point.
+/// Signed distance of a point in one view.
 struct Observation {
     bool valid = false;
     int pixel = 0;   // y * width + x
     float tsdf = 0;  // in units of the truncation, at most 1
 };
 
-/// The point projects into a pixel (nearest), whose depth gives its distance to the surface along
-/// the ray; points further behind the surface than the truncation are not observed. Outside of a
-/// contraction's ball the truncation grows with the voxels: of two points at n1 and n2 from the
-/// centre on one ray from there, (n2 - n1) / (growth1 growth2) is the distance in contracted space.
+/// Projects the point into its nearest pixel; the pixel's depth gives the distance to the surface
+/// along the ray. Points further behind the surface than the truncation are not observed. Outside
+/// of a contraction's ball the truncation grows with the voxels: for two points at distances n1 and
+/// n2 on one ray from the centre, (n2 - n1) / (growth1 growth2) is the distance in contracted
+/// space.
 TVSGS_HD inline Observation observe(const Camera& camera,
                                     Span<const float> depth,
                                     const VoxelSpace& space,
                                     Vec3f p_world) {
     const Vec3f p = camera.camera_from_world * p_world;
     if (!(p.z > 0)) return {};
-    // The margin keeps rounding from leaving the image; with corner coordinates the pixel is the
+    // The margin keeps rounding inside of the image; with corner coordinates the pixel is the
     // floor.
     constexpr float kMargin = 1e-4f;
     const float u = camera.fx_px * (p.x / p.z) + camera.cx_px;
@@ -146,7 +147,7 @@ TVSGS_HD inline Observation observe(const Camera& camera,
 
 enum class DepthWeighting { unit, inverse_depth2, cosine };
 
-/// Weight of a pixel's depth in the means. By cosine, 0 where there is no normal or it faces away.
+/// Weight of a pixel's depth in the means. By cosine: 0 if there is no normal or it faces away.
 ///   ray   of the pixel, normal   facing the camera, both in the camera frame, of any length
 TVSGS_HD inline float depth_weight(DepthWeighting by, float depth, Vec3f ray, Vec3f normal) {
     if (by == DepthWeighting::inverse_depth2) return 1 / (depth * depth);
@@ -155,7 +156,7 @@ TVSGS_HD inline float depth_weight(DepthWeighting by, float depth, Vec3f ray, Ve
     return cosine > 0 ? cosine : 0;
 }
 
-/// Running means.
+/// Updates the running means.
 TVSGS_HD inline void fuse(Voxel& voxel, float tsdf, Vec3f color, float pixel_weight = 1) {
     if (!(pixel_weight > 0)) return;
     const auto clamp = [](float c) { return c > 0 ? (c < 1 ? c : 1) : 0; };

@@ -1,4 +1,4 @@
-// How large the voxels of a mesher are.
+// Chooses the voxel size of a mesher.
 #pragma once
 
 #include <vector>
@@ -7,9 +7,9 @@
 
 namespace tvsgs {
 
-/// World units: `given`, or `extent` in `resolution` voxels; where these are 0, in 2048, but none
-/// smaller than `pixels` pixels at half the extent, where the object is: voxels smaller than one
-/// average nothing and hold only noise.
+/// World units: `given`; else `extent` / `resolution`; if both are 0, `extent` / 2048, but at least
+/// `pixels` pixels at half the extent, where the object is. Voxels smaller than a pixel average
+/// nothing and hold only noise.
 float voxel_size(
     float given, int resolution, float extent, const std::vector<View>& views, float pixels = 1);
 
