@@ -1,4 +1,4 @@
-// Disjoint sets of numbers.
+// Disjoint sets of numbers, for several threads.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-/// The smallest member represents a set. Threads may unite and find at the same time; what they
-/// have made of it when all are done does not depend on their order.
+/// The smallest member represents a set. Threads may unite and find at the same time; the final
+/// sets do not depend on the order of the calls.
 class DisjointSets {
 public:
     explicit DisjointSets(std::size_t count) : parent_(count) {
@@ -21,7 +21,7 @@ public:
             const int parent = get(i);
             if (parent == i) return i;
             const int next = get(parent);
-            // Both are above i in the tree, whatever others have done since.
+            // Both are ancestors of i, whatever other threads have done since.
             if (next != parent) of(i).store(next, std::memory_order_relaxed);
             i = next;
         }

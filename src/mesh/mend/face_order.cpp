@@ -19,7 +19,7 @@ struct Keyed {
     int place;
 };
 
-/// Sorts by one digit; what has the same stays in its order.
+/// Sorts by one digit; the sort is stable.
 void sort_digit(const std::vector<Keyed>& from, int shift, std::vector<Keyed>& to) {
     const auto digit = [shift](const Keyed& k) { return (k.key >> shift) & (kDigits - 1); };
     std::vector<std::array<std::uint32_t, kDigits>> counts(kListParts);

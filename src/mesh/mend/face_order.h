@@ -1,4 +1,4 @@
-// Faces in an order in which those near each other in space are near each other in the list.
+// Sorts points so that neighbours in the list are close in space.
 #pragma once
 
 #include <cstdint>
@@ -8,14 +8,14 @@
 
 namespace tvsgs {
 
-/// Places of points, and their Morton codes.
+/// Indices of points in Morton order, and their Morton codes.
 struct SpatialOrder {
     std::vector<int> places;
     std::vector<std::uint32_t> codes;  // ascending
 };
 
-/// By Morton codes of 2^10 cells along the longest side of the points' box, ties as given. The same
-/// for any number of threads. Points must be finite.
+/// Sorts by Morton codes of 2^10 cells along the longest side of the points' box; ties keep their
+/// order. The result is the same for any number of threads. Points must be finite.
 SpatialOrder spatial_order(const std::vector<Vec3f>& points);
 
 }  // namespace tvsgs

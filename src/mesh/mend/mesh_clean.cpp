@@ -11,23 +11,25 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kMinPixels = 20;     // that a view has to see of a component
-constexpr double kMaxThrough = 0.25;  // share of a component's pixels that a view may look through
+constexpr double kMinPixels = 20;  // a view sees a component if it sees so many pixels of it
+// Above this share of its pixels, a view looks through a component.
+constexpr double kMaxThrough = 0.25;
 
-constexpr std::size_t kMinFaces = 50;  // smaller components are noise; the official scripts' figure
+// Smaller components are noise; the number of the official scripts.
+constexpr std::size_t kMinFaces = 50;
 
 }  // namespace
 
 namespace {
 
-/// Unites the faces at each edge that both `joins`.
+/// Unites the faces at each edge that are both in `joins`.
 template <class Joins>
 DisjointSets united_faces(const TriangleMesh& mesh, const Corners& corners, const Joins& joins) {
     DisjointSets sets(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
         corners.for_each(v, [&](std::uint32_t f, int k) {
             if (!joins(f)) return;
-            // Each edge once, where it is at its smaller vertex; further faces come in turn.
+            // Visits each edge at its smaller vertex; a chain unites more than two faces.
             for (const int step : {1, 2}) {
                 const int w = mesh.faces[f][(k + step) % 3];
                 if (w < v) continue;
@@ -43,8 +45,8 @@ DisjointSets united_faces(const TriangleMesh& mesh, const Corners& corners, cons
     return sets;
 }
 
-/// Numbers the sets of the faces to keep in the order of their first faces; -1: not kept. Returns
-/// how many there are.
+/// Numbers the sets of the faces to keep by their first faces; -1: not kept. Returns the number of
+/// sets.
 std::size_t number_components(DisjointSets& sets,
                               const std::vector<char>& keep,
                               std::vector<int>& component) {
@@ -124,12 +126,12 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
 
 namespace {
 
-/// What the views say of a component.
+/// Views that see or contradict a component.
 struct ComponentEvidence {
     int see = 0;           // views that see enough of it
-    int could_see = 0;     // that see enough of it, or of what is behind it
-    int look_through = 0;  // of these
-    bool surely = false;   // one sees enough of it with trusted pixels
+    int could_see = 0;     // views that see enough of it or of a surface behind it
+    int look_through = 0;  // the views of could_see that look through it
+    bool surely = false;   // one view sees enough of it with trusted pixels
 
     bool looked_through() const { return look_through > 0 && 2 * look_through >= see; }
     bool stays() const {
@@ -137,8 +139,8 @@ struct ComponentEvidence {
     }
 };
 
-/// Pixels that a view has of a component, in a millionth, so that their sums do not depend on the
-/// order.
+/// Pixels of a component in a view. Integers, in millionths of a pixel, make sums independent of
+/// the order.
 struct ComponentPixels {
     std::int64_t seen = 0, surely = 0, through = 0;
 
@@ -159,7 +161,7 @@ struct ComponentPixels {
     }
 };
 
-/// What the views say of each component; faces of component -1 do not count.
+/// Gathers the evidence for each component; faces of component -1 are skipped.
 std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSample>& samples,
                                                   const std::vector<int>& component,
                                                   std::size_t count,
@@ -176,7 +178,7 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
         parallel_for_heavy(Cpu{}, runs.count(), [&](int number) {
             if (runs.misses(limits, number)) return;
             const std::size_t first = runs.begin(number), last = runs.end(number);
-            // Neighbours in the list are mostly of one component.
+            // Consecutive samples mostly belong to one component.
             ComponentPixels run;
             int of = -1;
             for (std::size_t f = first; f < last; ++f) {
@@ -203,7 +205,7 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
     return evidence;
 }
 
-/// Which faces a view sees.
+/// Whether any view sees a face.
 std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
                              const EvidenceSource& source) {
     std::vector<char> seen(samples.size());
@@ -222,7 +224,7 @@ std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
     return seen;
 }
 
-/// All but the faces that no view sees and that are joined to a rim by such faces.
+/// Keeps all faces but unseen ones that are connected to a boundary edge through unseen faces.
 std::vector<char> without_unseen_rims(const TriangleMesh& mesh,
                                       const Corners& corners,
                                       const std::vector<char>& seen) {
@@ -255,7 +257,7 @@ std::vector<char> without_unseen_rims(const TriangleMesh& mesh,
 
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source) {
     EvidenceReport report;
-    // An edge from a vertex to itself would look like a rim.
+    // An edge from a vertex to itself would look like a boundary edge.
     std::vector<char> keep(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int f) {
         const Vec3i face = mesh.faces[std::size_t(f)];

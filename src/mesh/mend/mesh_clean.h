@@ -1,4 +1,4 @@
-// What no views bear out, or what is small and hangs loose, is taken off a mesh.
+// Removes mesh components that are small or that no view confirms.
 #pragma once
 
 #include "core/scene/mesh.h"
@@ -12,30 +12,30 @@ struct CleanReport {
 };
 
 /// Keeps the largest components, connected over shared edges: those with at least as many faces as
-/// the `clusters`-th largest (ties keep more), and at least 50. Then drops vertices no face uses
-/// and faces that repeat a vertex. clusters <= 0 keeps all components; an empty mesh stays as it
-/// is.
+/// the `clusters`-th largest (ties keep more), and at least 50. Then drops unused vertices and
+/// faces that repeat a vertex. clusters <= 0 keeps all components; an empty mesh stays as it is.
 CleanReport keep_largest_components(TriangleMesh& mesh, int clusters);
 
-/// Why components went.
+/// Number of components, and why some were removed.
 struct EvidenceReport {
     std::size_t components = 0, kept_components = 0;
-    // Of those that were dropped; the others are too small for any view.
-    std::size_t looked_through = 0;  // by a view
-    std::size_t lonely = 0;  // one view alone sees them, and others could, or it is not sure
+    // Removed components; all others were too small in every view.
+    std::size_t looked_through = 0;  // a view looks through them
+    // A single view sees them, without trusted pixels or while other views could.
+    std::size_t lonely = 0;
     std::size_t peeled_faces = 0, removed_faces = 0;
 };
 
-/// Keeps what the views bear out, whatever its size: peels off faces that no view sees, from the
-/// rims inwards, and drops the components that too few views see, or that one looks through.
-/// [docs/method/evidence.md#which-components-stay] An empty mesh stays as it is.
+/// First peels unseen faces off, from the boundaries inwards. Then keeps the components of any size
+/// that enough views see and no view looks through. [docs/method/evidence.md#which-components-stay]
+/// An empty mesh stays as it is.
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source);
 
-/// Component of each face, numbered from 0 in the order of their first faces.
+/// Component of each face, numbered from 0 by their first faces.
 std::vector<int> face_components(const TriangleMesh& mesh);
 
-/// Drops the faces for which keep[face] is 0, and unused vertices. Returns the number of
-/// vertices dropped.
+/// Drops the faces with keep[face] == 0 and unused vertices. Returns the number of dropped
+/// vertices.
 std::size_t filter_faces(TriangleMesh& mesh, const std::vector<char>& keep);
 
 }  // namespace tvsgs

@@ -10,7 +10,7 @@
 namespace tvsgs {
 namespace {
 
-/// *target += 1; what it was.
+/// Atomic *target += 1; returns the old value.
 std::uint32_t count_up(std::uint32_t* target) {
     return __atomic_fetch_add(target, 1u, __ATOMIC_RELAXED);
 }
@@ -22,7 +22,7 @@ struct Face {
     auto operator<=>(const Face&) const = default;
 };
 
-/// Vertices that are joined to one vertex: of each face the two others. Few as a rule.
+/// Neighbours of a vertex: two for each of its faces. Usually few.
 class Ring {
 public:
     void clear() { size_ = 0, many_.clear(); }
@@ -34,7 +34,7 @@ public:
             many_.push_back(w);
         }
     }
-    /// To be called before count().
+    /// Call before count().
     void close() { std::sort(many_.begin(), many_.end()); }
     std::ptrdiff_t count(int w) const {
         if (many_.empty()) return std::count(few_.begin(), few_.begin() + size_, w);
@@ -46,7 +46,7 @@ private:
     static constexpr int kFew = 24;
     std::array<int, kFew> few_;
     int size_ = 0;
-    std::vector<int> many_;  // all, where there are more
+    std::vector<int> many_;  // all of them, if there are more
 };
 
 }  // namespace
@@ -64,7 +64,7 @@ Corners::Corners(const std::vector<Vec3i>& faces, std::size_t vertices)
                 3 * static_cast<std::uint32_t>(f) + static_cast<std::uint32_t>(k);
     });
     first_.pop_back();
-    // Threads have come in any order.
+    // Restores the order, which depends on the threads.
     parallel_for(Cpu{}, static_cast<int>(vertices), [&](int v) {
         std::sort(corners_.begin() + first_[std::size_t(v)],
                   corners_.begin() + first_[std::size_t(v) + 1]);
@@ -123,7 +123,7 @@ Corners drop_repeated_faces(TriangleMesh& mesh) {
         corners.for_each(v, [&](std::uint32_t f, int k) {
             const Vec3i face = mesh.faces[f];
             const auto [low, high] = std::minmax({face[(k + 1) % 3], face[(k + 2) % 3]});
-            if (v > low) return;  // it is looked at where its least corner is
+            if (v > low) return;  // the face is checked at its smallest corner
             if (count < few.size()) few[count] = {low, high, f};
             if (count == few.size()) many.assign(few.begin(), few.end());
             if (count >= few.size()) many.push_back({low, high, f});

@@ -1,4 +1,4 @@
-// The faces around each vertex of a mesh, and what they say of its edges.
+// The faces at each vertex of a mesh, and the types of its edges.
 #pragma once
 
 #include <algorithm>
@@ -13,11 +13,11 @@ namespace tvsgs {
 /// The corners (3 face + 0, 1, 2) at each vertex, ascending.
 class Corners {
 public:
-    /// Indices of faces have to be in range.
+    /// Indices of faces must be in range.
     Corners(const std::vector<Vec3i>& faces, std::size_t vertices);
     explicit Corners(const TriangleMesh& mesh) : Corners(mesh.faces, mesh.vertices.size()) {}
 
-    /// action(face, its corner at v).
+    /// Calls action(face, its corner at v).
     template <class Action>
     void for_each(int v, const Action& action) const {
         for (std::uint32_t i = first_[std::size_t(v)]; i < first_[std::size_t(v) + 1]; ++i)
@@ -33,10 +33,11 @@ private:
     std::vector<std::uint32_t> first_, corners_;  // [vertices + 1], [3 faces]
 };
 
-/// How the faces of a mesh hang together.
+/// Boundary and non-manifold edges of a mesh.
 struct SurfaceEdges {
-    std::vector<char> rim;    // [3 per face] whether the edge from that corner on has one face only
-    std::vector<char> fixed;  // [vertices] whether an edge there has more than two faces
+    // [3 per face] whether the edge that starts at the corner has only one face.
+    std::vector<char> rim;
+    std::vector<char> fixed;  // [vertices] whether an edge at the vertex has more than two faces
 };
 
 SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners);
@@ -44,12 +45,12 @@ inline SurfaceEdges find_edges(const TriangleMesh& mesh) {
     return find_edges(mesh, Corners(mesh));
 }
 
-/// Drops faces that repeat a corner or have one that is not finite; returns their number. Throws
+/// Drops faces that repeat a corner or have a non-finite one; returns their number. Throws
 /// Error(ExitCode::input) for an index out of range.
 std::size_t drop_flawed_faces(TriangleMesh& mesh);
 
-/// Drops faces that have the corners of an earlier one; returns the corners of what is left. None
-/// may be flawed.
+/// Drops faces with the same corners as an earlier face; returns the corners of the rest. No face
+/// may repeat a corner.
 Corners drop_repeated_faces(TriangleMesh& mesh);
 
 /// Drops the faces f for which drops(f); returns their number.

@@ -1,4 +1,4 @@
-// The edges of a mesh, and which faces share them.
+// The edges of a mesh and the faces that share them.
 #pragma once
 
 #include <algorithm>
@@ -9,13 +9,13 @@
 
 namespace tvsgs {
 
-/// From a face's corner to its next.
+/// The edge from a face's corner to its next corner.
 struct FaceEdge {
-    std::uint64_t key;  // of both directions
+    std::uint64_t key;  // the same in both directions
     int face, corner;
 };
 
-/// All edges of all faces, those between the same vertices in a row, by face.
+/// All edges of all faces; edges between the same vertices are adjacent, by face.
 inline std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
     std::vector<FaceEdge> edges;
     edges.reserve(mesh.faces.size() * 3);
@@ -34,7 +34,7 @@ inline std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
     return edges;
 }
 
-/// Calls on_rim(edge) for each edge that a single face has.
+/// Calls on_boundary(edge) for each edge with a single face.
 template <class OnRim>
 void for_each_rim_edge(const std::vector<FaceEdge>& edges, const OnRim& on_rim) {
     for (std::size_t i = 0; i < edges.size(); ++i)

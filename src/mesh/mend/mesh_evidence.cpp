@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kLimitPx = 3;  // between surface and depth, in widths of a pixel
+constexpr float kLimitPx = 3;  // between surface and depth, in pixel widths
 
 }  // namespace
 
@@ -53,7 +53,8 @@ std::vector<Evidence> gather_evidence(const EvidenceSource& source,
     if (samples.empty()) return evidence;
     std::vector<Judgement> judgements(samples.size());
     const SampleRuns runs(samples);
-    std::vector<char> silent(static_cast<std::size_t>(runs.count()), 1);  // says nothing of a run
+    // Whether a run has no verdict.
+    std::vector<char> silent(static_cast<std::size_t>(runs.count()), 1);
     Progress progress("what the views see", source.count);
     for (int i = 0; i < source.count; ++i) {
         progress.advance();

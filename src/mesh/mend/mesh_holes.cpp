@@ -15,31 +15,31 @@
 namespace tvsgs {
 namespace {
 
-// What fills a hole goes on as the surface around it does; what would fill the outer rim of a piece
-// folds back behind it. Least cosine between the two in the mean.
+// The filling of a hole continues the surface around it; a filling of a component's outer boundary
+// would fold back behind it. Least mean cosine between the two.
 constexpr double kLeastCosine = 0.5;
 constexpr double kSamplesPerPixel = 2;  // along each axis, so that no pixel is missed
 
-/// A hole and what would fill it.
+/// A hole and its filling.
 struct Filling {
     std::size_t loop = 0;
-    float pixel = 0;  // length of the finest one at its rim
+    float pixel = 0;  // length of the finest pixel at its boundary
     Patch patch;
     bool contradicted = false;
 };
 
-/// A mesh and its rims, whose places are asked for.
+/// A mesh and its boundary, addressed by places.
 struct Surface {
     const TriangleMesh& mesh;
     const Rims& rims;
-    std::map<int, std::vector<std::size_t>> loops_at;  // of places where rims touch, ascending
+    std::map<int, std::vector<std::size_t>> loops_at;  // of places with several loops, ascending
 
     Surface(const TriangleMesh& of, const Rims& its) : mesh(of), rims(its) {
         for (std::size_t l = 0; l < rims.loops.size(); ++l)
             for (const int place : rims.loops[l])
                 if (rims.rim_edges[std::size_t(place)] > 2) loops_at[place].push_back(l);
     }
-    /// Whether two loops or more come to both places.
+    /// Whether two or more loops pass through both places.
     bool share_loops(int a, int b) const {
         const auto of_a = loops_at.find(a), of_b = loops_at.find(b);
         if (of_a == loops_at.end() || of_b == loops_at.end()) return false;
@@ -97,13 +97,14 @@ HoleRim rim_of(const Surface& s, const std::vector<int>& loop) {
     }
     rim.may_be_joined = [&s, &loop, vertices](int a, int b) {
         const auto i = std::size_t(a), j = std::size_t(b);
-        // Else another hole may want the same edge.
+        // Otherwise another hole could use the same edge.
         return !s.rims.has_edge(vertices[i], vertices[j]) && !s.share_loops(loop[i], loop[j]);
     };
     return rim;
 }
 
-/// Faces with an area, and no edge longer than a hole may be, which bounds the number of samples.
+/// Whether all faces have an area and no edge is longer than `longest`, which bounds the number of
+/// samples.
 bool is_proper(const Patch& patch, double longest) {
     for (const Vec3i& face : patch.faces) {
         const auto corner = [&](int k) {
@@ -118,7 +119,7 @@ bool is_proper(const Patch& patch, double longest) {
     return !patch.faces.empty();
 }
 
-/// So close that each pixel which the patch covers has one.
+/// Samples the filling densely: each pixel that the patch covers gets a sample.
 void add_samples(const Filling& filling, std::vector<SurfaceSample>& samples) {
     for (const Vec3i& face : filling.patch.faces) {
         const Vec3d a = filling.patch.points[std::size_t(face.x)],

@@ -1,4 +1,4 @@
-// Small holes in a surface are closed where no view contradicts.
+// Closes small holes of a mesh that no view contradicts.
 #pragma once
 
 #include "core/scene/camera.h"
@@ -8,19 +8,19 @@
 
 namespace tvsgs {
 
-/// What became of the loops that rims form.
+/// Number of boundary loops by outcome.
 struct HoleReport {
-    std::size_t loops = 0, closed = 0, faces = 0;  // the latter: of the closed ones
-    std::size_t contradicted = 0;  // small enough, but a view looks through, or it would hide what
-                                   // one sees
-    std::size_t unfit = 0;         // small enough, but the rim of a piece, or no surface fits
+    std::size_t loops = 0, closed = 0, faces = 0;  // faces: of the closed holes
+    // Small enough, but a view looks through, or the filling would hide a visible surface.
+    std::size_t contradicted = 0;
+    std::size_t unfit = 0;  // small enough, but a component's outer boundary, or no filling fits
 };
 
-/// Fills the holes that are no larger than `largest_px` pixels of the nearest view, and have no
-/// more than kMostHoleEdges edges, with faces as large as those around, where no view's depth or
-/// mask contradicts. [docs/method/holes.md] The surface around stays as it is; `mesh.views` has to
-/// be empty. The mesh is sound (mesh/mend/mesh_sound.h), and stays so. The same bits for any number
-/// of threads. `edges`: of the mesh.
+/// Fills holes of at most `largest_px` pixels of the nearest view and at most kMaxHoleEdges edges,
+/// with faces as large as the surrounding ones, unless a view's depth or mask contradicts.
+/// [docs/method/holes.md] The surrounding surface does not change. `mesh.views` must be empty. The
+/// mesh must be manifold (mesh/mend/mesh_sound.h) and stays so. The result has the same bits for
+/// any number of threads. `edges`: of the mesh.
 HoleReport close_holes(TriangleMesh& mesh,
                        const SurfaceEdges& edges,
                        const std::vector<Camera>& cameras,

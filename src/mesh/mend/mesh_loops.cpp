@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-/// A rim edge as the hole beside it has it; places.
+/// Boundary edge, oriented along its hole; places in the boundary.
 struct HoleEdge {
     int from, to;
     bool operator<(const HoleEdge& other) const {
@@ -17,7 +17,7 @@ struct HoleEdge {
     }
 };
 
-/// Follows the edges of holes, which are ascending.
+/// Traces the loops; hole edges are ascending.
 class LoopFinder {
 public:
     LoopFinder(const TriangleMesh& mesh, Rims& rims, const std::vector<HoleEdge>& edges)
@@ -56,8 +56,8 @@ private:
         for (const int place : path_) step_[std::size_t(place)] = -1;
     }
 
-    /// Of the unused edges from `to` the one along the same hole: the first when turning from the
-    /// edge to `from` over the hole.
+    /// The unused edge from `to` along the same hole: the first one when turning from the edge to
+    /// `from` across the hole.
     std::size_t next_edge(int from, int to) const {
         const auto first = std::lower_bound(edges_.begin(), edges_.end(), HoleEdge{to, -1});
         const Vec3d n = rims_.normals[std::size_t(to)], back = point(from) - point(to);
@@ -79,10 +79,10 @@ private:
     Rims& rims_;
     const std::vector<HoleEdge>& edges_;
     std::vector<char> used_;
-    std::vector<int> step_, path_;  // where a place is on the path; the path
+    std::vector<int> step_, path_;  // position of each place in the path; the path
 };
 
-/// Which vertices an edge of SurfaceEdges::rim has.
+/// Marks the vertices of edges in SurfaceEdges::boundary.
 std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim) {
     std::vector<char> at_rim(mesh.vertices.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int i) {
@@ -123,7 +123,7 @@ Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
     };
     const auto count = static_cast<int>(rims.vertices.size());
     rims.normals.resize(rims.vertices.size()), rims.rim_edges.resize(rims.vertices.size());
-    std::vector<std::vector<int>> joined(rims.vertices.size());  // to each, ascending
+    std::vector<std::vector<int>> joined(rims.vertices.size());  // neighbours of each, ascending
     parallel_for(Cpu{}, count, [&](int i) {
         const auto place = static_cast<std::size_t>(i);
         Vec3d sum;

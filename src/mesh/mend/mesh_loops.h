@@ -1,4 +1,4 @@
-// Where a surface ends: its rims, and the loops that they form.
+// Boundary edges of a mesh and the closed loops they form.
 #pragma once
 
 #include <utility>
@@ -9,20 +9,22 @@
 
 namespace tvsgs {
 
-/// The rims of a mesh. Vertices at a rim have places, by which loops name them.
+/// The boundary of a mesh. Loops name vertices by their places, which are indices of `vertices`.
 struct Rims {
-    std::vector<int> vertices;               // ascending
-    std::vector<Vec3d> normals;              // of these: area-weighted means, unit length, or 0
-    std::vector<std::pair<int, int>> edges;  // both ways, of vertices at a rim to any, ascending
-    std::vector<std::vector<int>> loops;     // places; what fills a loop has edges in this order
-    std::vector<int> rim_edges;              // at each place: 2, more where rims touch
+    std::vector<int> vertices;   // ascending
+    std::vector<Vec3d> normals;  // [vertices] area-weighted mean normals, unit length, or 0
+    // In both directions, from boundary vertices to any, ascending.
+    std::vector<std::pair<int, int>> edges;
+    std::vector<std::vector<int>> loops;  // places; the faces of a filling have edges in this order
+    // [vertices] number of boundary edges: 2, more where boundaries touch.
+    std::vector<int> rim_edges;
 
     bool has_edge(int from, int to) const;
 };
 
-/// No loop comes to a vertex twice: where holes touch, each has its own loop. Rim edges that form
-/// none, as faces turned against their neighbours have, are left out. Faces must not repeat a
-/// corner, and edges not have more than two.
+/// Finds the boundary edges and their loops. A loop visits each vertex once: where holes touch,
+/// each has its own loop. Omits boundary edges that form no loop, as of faces with opposite
+/// orientation. Faces must not repeat a corner; edges must not have more than two faces.
 Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& edges);
 
 }  // namespace tvsgs

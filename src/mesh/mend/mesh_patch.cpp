@@ -9,8 +9,8 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kSplit = 1.4142135623730951;  // [Liepa03] has the square root of 2 as well
-constexpr int kMostRounds = 12;                // each cuts edges to about half
+constexpr double kSplit = 1.4142135623730951;  // [Liepa03] uses the square root of 2, too
+constexpr int kMostRounds = 12;                // each round halves the edges, roughly
 
 double area(Vec3d a, Vec3d b, Vec3d c) {
     const Vec3d ab = b - a, ac = c - a, bc = c - b;
@@ -19,7 +19,7 @@ double area(Vec3d a, Vec3d b, Vec3d c) {
     return twice > 1e-9 * longest2 ? 0.5 * twice : std::numeric_limits<double>::infinity();
 }
 
-/// Splits and flips faces; edges of the loop stay.
+/// Splits and flips faces; the edges of the loop do not change.
 class Refiner {
 public:
     Refiner(const HoleRim& rim, Patch& patch)
@@ -73,8 +73,8 @@ private:
         }
     }
 
-    /// Of two faces abc and bad makes adc and dbc, where the angles at c and d are together more
-    /// than 180 degrees, as a Delaunay triangulation would.
+    /// Replaces faces abc and bad by adc and dbc if the angles at c and d add up to more than 180
+    /// degrees, as a Delaunay triangulation would.
     bool flip(int f, int k) {
         const int a = corner(f, k), b = corner(f, k + 1), c = corner(f, k + 2);
         const auto beside = face_of_.find({b, a});
@@ -104,11 +104,11 @@ private:
     const int n_;
     Patch& patch_;
     double length_ = 0;                           // mean of the loop's edges
-    std::map<std::pair<int, int>, int> face_of_;  // that has the edge, this way round
+    std::map<std::pair<int, int>, int> face_of_;  // the face that has the edge in this direction
 };
 
-/// Moves the inner points to where the squares of the umbrella vectors, from each point to the mean
-/// of its neighbours, add up to least over them and the loop.
+/// Moves the inner points to minimise the sum of squared umbrella vectors over all points. The
+/// umbrella vector leads from a point to the mean of its neighbours.
 void fair(const HoleRim& rim, Patch& patch) {
     const auto n = static_cast<int>(rim.points.size()), all = static_cast<int>(patch.points.size());
     if (all == n) return;
@@ -156,8 +156,8 @@ std::vector<Vec3i> least_area(const HoleRim& rim) {
     const std::size_t n = p.size();
     if (n < 3) return {};
     constexpr double kNone = std::numeric_limits<double>::infinity();
-    std::vector<double> least(n * n, kNone);  // area of the piece from point i to j
-    std::vector<std::size_t> third(n * n);    // the corner of its face at edge ij
+    std::vector<double> least(n * n, kNone);  // area of the part from point i to j
+    std::vector<std::size_t> third(n * n);    // third corner of the face at edge ij
     for (std::size_t i = 0; i + 1 < n; ++i) least[i * n + i + 1] = 0;
     for (std::size_t span = 2; span < n; ++span)
         for (std::size_t i = 0, j = span; j < n; ++i, ++j) {

@@ -1,4 +1,4 @@
-// A piece of surface that fills a loop.
+// Triangulates a boundary loop.
 #pragma once
 
 #include <functional>
@@ -9,27 +9,27 @@
 
 namespace tvsgs {
 
-/// What surrounds a hole of n vertices, which are numbered along its loop.
+/// The surroundings of a hole of n vertices, numbered along its loop.
 struct HoleRim {
     std::vector<Vec3d> points;  // [n]
-    /// Points of the surface that are joined to each of them, those of the loop left out.
+    /// For each point, its neighbours in the surface that are not in the loop.
     std::vector<std::vector<Vec3d>> around;       // [n]
-    std::function<bool(int, int)> may_be_joined;  // false: by an edge of its own they would cross
+    std::function<bool(int, int)> may_be_joined;  // false: an edge between the two is not allowed
 };
 
 struct Patch {
-    std::vector<Vec3d> points;  // [n and more] those of the loop first
-    std::vector<Vec3i> faces;   // empty: none fits
-    /// Of each further point, the three from whose middle it came.
+    std::vector<Vec3d> points;  // [n and more] first the loop's
+    std::vector<Vec3i> faces;   // empty: no patch fits
+    /// For each further point, the face that it split.
     std::vector<Vec3i> origins;
 };
 
-/// The faces of least area between the points of a loop, by dynamic programming, O(n^3).
-/// [Barequet95] Empty where all have an edge that may not be, or no area.
+/// Triangulation of the loop with the least area, by dynamic programming, O(n^3). [Barequet95]
+/// Empty if every triangulation has a forbidden edge or no area.
 std::vector<Vec3i> least_area(const HoleRim& rim);
 
-/// That, in faces as large as the loop's edges are long, and bent so that it goes on as the surface
-/// around it does.  [Liepa03]
+/// Refines the least-area triangulation to faces as large as the loop's edges are long, and fairs
+/// it so that it continues the surface around it. [Liepa03]
 Patch make_patch(const HoleRim& rim);
 
 }  // namespace tvsgs

@@ -8,7 +8,7 @@ namespace tvsgs {
 namespace {
 
 constexpr int kNormalRounds = 5, kVertexRounds = 5;
-constexpr double kLeastCosine = 0.5;  // between normals of faces that are of one smooth piece
+constexpr double kLeastCosine = 0.5;  // between normals of faces of one smooth part
 
 template <class Body>
 void for_each(std::size_t count, const Body& body) {
@@ -17,7 +17,8 @@ void for_each(std::size_t count, const Body& body) {
 
 Vec3d normal_of(const std::vector<Vec3d>& points, Vec3i face) {
     const Vec3d a = points[std::size_t(face.x)];
-    return cross(points[std::size_t(face.y)] - a, points[std::size_t(face.z)] - a);  // two areas
+    // Length: twice the area.
+    return cross(points[std::size_t(face.y)] - a, points[std::size_t(face.z)] - a);
 }
 
 Vec3d unit(Vec3d n) {
@@ -27,10 +28,10 @@ Vec3d unit(Vec3d n) {
 
 struct Planes {
     std::vector<Vec3d> normals;  // of faces, unit, or 0
-    std::vector<double> areas;   // twice; 0 where the normal is
+    std::vector<double> areas;   // twice the area; 0 where the normal is 0
 };
 
-/// Normals become means over the faces that touch and are like them.
+/// Averages normals over the adjacent faces with similar normals.
 Planes averaged_planes(const TriangleMesh& mesh,
                        const Corners& corners,
                        const std::vector<Vec3d>& points) {
@@ -56,7 +57,7 @@ Planes averaged_planes(const TriangleMesh& mesh,
     return planes;
 }
 
-/// How far vertices may go, world units.
+/// Greatest displacement of each vertex, world units.
 std::vector<double> limits_of(const TriangleMesh& mesh,
                               const Corners& corners,
                               const std::vector<Camera>& cameras,
@@ -74,7 +75,7 @@ std::vector<double> limits_of(const TriangleMesh& mesh,
     return limits;
 }
 
-/// Puts vertices back until no face is turned over.
+/// Moves vertices back until no face is flipped.
 void unfold(const TriangleMesh& mesh,
             const Corners& corners,
             const std::vector<Vec3d>& before,
@@ -135,7 +136,7 @@ std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& camera
         });
         std::swap(now, next);
     }
-    for_each(now.size(), [&](std::size_t v) {  // as it will be checked
+    for_each(now.size(), [&](std::size_t v) {  // rounded, as the check below sees it
         now[v] = vec_cast<double>(vec_cast<float>(now[v]));
     });
     unfold(mesh, corners, before, now);

@@ -1,4 +1,4 @@
-// Roughness finer than pixels taken off a surface.
+// Removes roughness finer than a pixel from a mesh.
 #pragma once
 
 #include <cstddef>
@@ -9,11 +9,11 @@
 
 namespace tvsgs {
 
-/// Moves vertices along their normals to where the planes of the faces around them meet, after
-/// these planes were averaged with their like, so that creases stay.  [Sun07] No vertex moves by
-/// more than `limit_px` pixels of the nearest camera; vertices in no image, at rims and at edges of
-/// more than two faces do not move, nor do those whose faces would turn over. Returns the number of
-/// vertices moved. The same bits for any number of threads. Indices of faces have to be in range.
+/// First averages the normals of adjacent faces with similar normals, so that creases stay; then
+/// moves vertices along their normals towards these planes. [Sun07] No vertex moves by more than
+/// `limit_px` pixels of the nearest camera. Vertices in no image, at boundaries and at non-manifold
+/// edges do not move, nor do vertices whose faces would flip. Returns the number of moved vertices.
+/// The result has the same bits for any number of threads. Indices of faces must be in range.
 std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& cameras, float limit_px);
 
 }  // namespace tvsgs

@@ -17,7 +17,7 @@ bool same_place(Vec3f a, Vec3f b) {
     return a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
-/// Returns whether there was something to weld.
+/// Returns whether it welded any vertices.
 bool weld(TriangleMesh& mesh) {
     std::int64_t coincident = 0;
     parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int f) {
@@ -60,8 +60,8 @@ std::vector<FaceEdge> edges_at(const TriangleMesh& mesh, const std::vector<char>
     return edges;
 }
 
-/// Gives the sheets that meet at marked vertices vertices of their own. Faces are of one sheet at a
-/// vertex if edges of two faces lead from one to the other around it.
+/// Duplicates marked vertices so that each sheet there has its own. Two faces belong to one sheet
+/// at a vertex if edges of exactly two faces connect them around it.
 std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
     const std::vector<FaceEdge> edges = edges_at(mesh, marked);
     std::vector<std::pair<int, int>> corners;  // vertex, face
@@ -120,7 +120,7 @@ bool has_area(Vec3f a, Vec3f b, Vec3f c) {
 SoundReport make_sound(TriangleMesh& mesh) {
     SoundReport report;
     const std::size_t before = mesh.faces.size();
-    drop_flawed_faces(mesh);  // and looks at indices
+    drop_flawed_faces(mesh);  // checks the indices, too
     if (weld(mesh)) drop_flawed_faces(mesh);
     drop_faces(mesh, [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
@@ -132,8 +132,8 @@ SoundReport make_sound(TriangleMesh& mesh) {
     report.edges = find_edges(mesh, corners);
     const bool all_used = corners.all_used();
     if (!all_used) filter_faces(mesh, std::vector<char>(mesh.faces.size(), 1));
-    // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded
-    // edge. So where sheets have vertices of their own no edge has more than two faces.
+    // At a vertex, the faces of a sheet form a strip, and only its two ends may be at an edge of
+    // more than two faces. So after the split no edge has more than two faces.
     std::vector<char>& crowded = report.edges.fixed;
     const bool split = std::find(crowded.begin(), crowded.end(), 1) != crowded.end();
     if (split) report.split_vertices = split_sheets(mesh, find_edges(mesh).fixed);

@@ -1,4 +1,4 @@
-// A mesh that steps on its edges can rely on: proper triangles, at most two at an edge.
+// Repairs a mesh: proper triangles, at most two at each edge.
 #pragma once
 
 #include <cstddef>
@@ -8,21 +8,21 @@
 
 namespace tvsgs {
 
-/// Whether three points span a triangle; one thinner than 1e-12 of its longest side is none. False
-/// for NaN.
+/// Whether three points span a triangle; false for NaN and for a height below 1e-12 of the longest
+/// side.
 bool has_area(Vec3f a, Vec3f b, Vec3f c);
 
-/// What was wrong with a mesh.
+/// Repairs of make_sound().
 struct SoundReport {
-    std::size_t dropped_faces = 0;   // no triangles, or there before
-    std::size_t split_vertices = 0;  // new ones, where sheets met
-    SurfaceEdges edges;              // of the mesh as it is now
+    std::size_t dropped_faces = 0;   // degenerate, or repeated
+    std::size_t split_vertices = 0;  // new vertices where sheets met
+    SurfaceEdges edges;              // of the repaired mesh
 };
 
-/// Vertices in one place that share an edge become one. Faces without three different finite
-/// corners, without area, or that are there before, are dropped, and then vertices without faces.
-/// Where more than two faces share an edge, the sheets get vertices of their own. A mesh without
-/// such things stays as it is. Throws Error(ExitCode::input) for an index out of range.
+/// Merges vertices of one position that share an edge. Drops faces without three different finite
+/// corners, without area, or with the corners of an earlier face, then vertices without faces.
+/// Where more than two faces share an edge, each sheet gets its own vertices. A mesh without
+/// defects does not change. Throws Error(ExitCode::input) for an index out of range.
 SoundReport make_sound(TriangleMesh& mesh);
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// A point against a triangle, and a line against one.
+// Distance and intersection tests of triangles with points, boxes and lines.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace tvsgs {
 
-/// The point of the segment ab closest to p; a where both ends coincide.
+/// The point of the segment ab closest to p; a if both ends coincide.
 inline Vec3d closest_on_segment(Vec3d p, Vec3d a, Vec3d b) {
     const Vec3d ab = b - a;
     const double length2 = dot(ab, ab);
@@ -17,8 +17,8 @@ inline Vec3d closest_on_segment(Vec3d p, Vec3d a, Vec3d b) {
     return a + std::clamp(dot(p - a, ab) / length2, 0.0, 1.0) * ab;
 }
 
-/// The point of the triangle abc closest to p, by the region that p projects into.  [Ericson05,
-/// 5.1.5] A triangle thinner than 1e-12 of its longest side is its three sides.
+/// The point of the triangle abc closest to p, by the region that p projects into. [Ericson05,
+/// 5.1.5] A triangle thinner than 1e-12 of its longest side is treated as its three sides.
 inline Vec3d closest_on_triangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
     const Vec3d ab = b - a, ac = c - a, bc = c - b;
     const double longest2 = std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
@@ -44,9 +44,9 @@ inline Vec3d closest_on_triangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
     return a + vb / sum * ab + vc / sum * ac;
 }
 
-/// Whether a triangle has points in the box, whose sides belong to it: what six planes leave of it.
+/// Whether a triangle has points in the closed box, by clipping it with six planes.
 inline bool reaches_into(Vec3d a, Vec3d b, Vec3d c, Vec3d lower, Vec3d upper) {
-    Vec3d corners[9] = {a, b, c}, left[9];  // each plane adds one at the most
+    Vec3d corners[9] = {a, b, c}, left[9];  // each plane adds at most one corner
     int count = 3;
     for (int side = 0; side < 6; ++side) {
         const int axis = side / 2;
@@ -70,8 +70,8 @@ inline bool reaches_into(Vec3d a, Vec3d b, Vec3d c, Vec3d lower, Vec3d upper) {
     return true;
 }
 
-/// A straight line without ends, ready to be cut with triangles: axes are renumbered so that it
-/// runs most along the third, and space is sheared so that it runs along nothing else.  [Woop13]
+/// An infinite line, prepared for intersections with triangles: axes are permuted so that its
+/// largest component is the third, and space is sheared so that the others are 0. [Woop13]
 class Line {
 public:
     /// `direction`: not zero, of any length.
@@ -85,8 +85,9 @@ public:
     Vec3d point() const { return point_; }
     Vec3d direction() const { return direction_; }
 
-    /// Whether it cuts the triangle, whose normal it must not be at right angles to; *at is then
-    /// where. Neighbours agree on which of them a line cuts next to their common side.
+    /// Whether it intersects the triangle, whose normal must not be perpendicular to it; sets *at
+    /// to the intersection. Two triangles with a common side agree on which of them is hit next to
+    /// it.
     bool cuts(Vec3d a, Vec3d b, Vec3d c, Vec3d* at) const {
         const Vec3d A = sheared(a), B = sheared(b), C = sheared(c);
         const double u = C.x * B.y - C.y * B.x, v = A.x * C.y - A.y * C.x,

@@ -10,12 +10,13 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kLeaf = 4;  // triangles at the most
-constexpr std::size_t kCut = 16;  // triangles up to which cuts are found in spite of codes
+constexpr std::size_t kLeaf = 4;  // most triangles of a leaf
+// Most triangles of a node that is cut by area although there are codes.
+constexpr std::size_t kCut = 16;
 constexpr std::uint32_t kNoFace = ~0u;
-constexpr int kBins = 16;               // places tried for a cut
-constexpr int kBalancedDepth = 48;      // from here on ranges are halved, so that depth is bounded
-constexpr std::size_t kTask = 1 << 15;  // triangles that are worth a thread
+constexpr int kBins = 16;               // candidate positions of a cut
+constexpr int kBalancedDepth = 48;      // deeper nodes are halved, which bounds the depth
+constexpr std::size_t kTask = 1 << 15;  // least triangles of a parallel task
 
 struct Box {
     static constexpr float kFar = std::numeric_limits<float>::infinity();
@@ -33,7 +34,7 @@ struct Box {
     }
 };
 
-/// A triangle while the tree is built.
+/// A triangle during construction.
 struct Item {
     Box box;
     std::uint32_t face;
@@ -56,16 +57,16 @@ double squared_distance(Vec3d p, Vec3f lower, Vec3f upper) {
 /// the two boxes.
 struct TriangleTree::Builder {
     std::vector<Item>& items;
-    const std::vector<std::uint32_t> codes;  // of the items, ascending; empty: none are known
+    const std::vector<std::uint32_t> codes;  // of the items, ascending; empty: unknown
 
-    /// Where items [first, last), whose middles span `box`, are cut; they are partitioned there.
+    /// Partitions items [first, last), whose centres span `middles`, and returns the cut.
     std::size_t cut(std::size_t first, std::size_t last, const Box& middles, int depth) const {
         const auto begin = items.begin() + std::ptrdiff_t(first),
                    end = items.begin() + std::ptrdiff_t(last);
         const Vec3f size = middles.upper - middles.lower;
         const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
         const std::size_t half = first + (last - first) / 2;
-        if (!(size[axis] > 0)) return half;  // all in one place, in any order
+        if (!(size[axis] > 0)) return half;  // all centres coincide; any order
         const auto by_middle = [axis](const Item& a, const Item& b) {
             const double x = a.middle(axis), y = b.middle(axis);
             return x < y || (x == y && a.face < b.face);
@@ -219,7 +220,7 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) 
     const int vertices = static_cast<int>(mesh.vertices.size());
     const auto count = static_cast<std::int64_t>(mesh.faces.size());
     std::vector<Item> items(mesh.faces.size());
-    std::int64_t wrong = count, not_finite = count;  // first such face; first such item
+    std::int64_t wrong = count, not_finite = count;  // first bad face; first non-finite item
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
         const int f = order.places.empty() ? i : order.places[std::size_t(i)];
         Item& item = items[std::size_t(i)];
@@ -291,7 +292,7 @@ double TriangleTree::distance(Vec3d p, double limit, std::size_t* start) const {
     stack[height++] = {0, squared_distance(p, nodes_[0].lower, nodes_[0].upper)};
     while (height > 0) {
         const Entry entry = stack[--height];
-        // Rounding must not cut off the triangle that decides.
+        // Rounding must not skip the triangle that decides.
         if (entry.squared * (1 - 1e-14) >= best) continue;
         const Node& node = nodes_[entry.node];
         if (node.count > 0) {

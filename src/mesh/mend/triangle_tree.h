@@ -1,5 +1,4 @@
-// A bounding-volume hierarchy of the triangles of a mesh: distances to its surface, exactly, and
-// where lines cut it.
+// Bounding-volume hierarchy of a mesh's triangles: exact distances and line intersections.
 #pragma once
 
 #include <cstdint>
@@ -12,45 +11,47 @@
 
 namespace tvsgs {
 
-/// Corners and boxes are float, as in the mesh, and everything is computed in double: results are
-/// those of a loop over all triangles, for any number of threads.
+/// Corners and boxes are float, as in the mesh; computations are in double. Results equal those of
+/// a loop over all triangles, for any number of threads.
 class TriangleTree {
 public:
     TriangleTree() = default;
 
-    /// Faces with corners that are not finite are left out. Throws Error(ExitCode::input) for an
-    /// index out of range.
+    /// Leaves out faces with non-finite corners. Throws Error(ExitCode::input) for an index out of
+    /// range.
     explicit TriangleTree(const TriangleMesh& mesh) : TriangleTree(mesh, {}) {}
 
-    /// The same distances; `order`, of the middles of all faces, makes the tree sooner.
+    /// Gives the same distances; `order`, of the centres of all faces, makes construction faster.
     TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order);
 
     bool empty() const { return triangles_.empty(); }
     std::size_t size() const { return triangles_.size(); }
-    /// Faces that were left out.
+    /// Number of faces left out.
     std::size_t left_out() const { return left_out_; }
-    /// Of the deepest leaf; 0: the root is one. No more than 48 and the logarithm of the triangles.
+    /// Depth of the deepest leaf; the root has depth 0. At most 48 plus the logarithm of the number
+    /// of triangles.
     int depth() const;
-    /// Of all triangles; empty() has none.
+    /// Bounds of all triangles; undefined if empty().
     Vec3d lower() const { return corner(0); }
     Vec3d upper() const { return corner(1); }
 
-    /// Distance of p to the surface; infinite where that is `limit` or more. `start`: a triangle to
-    /// look at first, and the nearest one found; distances are the same for any.
+    /// Distance of p to the surface; infinite if it is `limit` or more. `start`: the triangle to
+    /// try first, replaced by the nearest one; it does not affect the distance.
     double distance(Vec3d p, double limit, std::size_t* start) const;
 
-    /// The face of the mesh that a triangle of distance() is.
+    /// The mesh's face for a triangle of distance().
     std::size_t face(std::size_t triangle) const { return triangles_[triangle].face; }
 
-    /// Of each point, where that is below `limit`, else infinite. Neighbours in the list should be
-    /// near each other.
+    /// Distance of each point if below `limit`, else infinite. Consecutive points should be close
+    /// together.
     std::vector<double> distances(const std::vector<Vec3d>& points,
                                   double limit = std::numeric_limits<double>::infinity()) const;
 
-    /// Whether a triangle reaches into the box, whose sides belong to it.
+    /// Whether a triangle has points in the closed box.
     bool meets(Vec3d lower, Vec3d upper) const;
 
-    /// Calls action(point) for every triangle that the line cuts in the box, and for some outside.
+    /// Calls action(point) for each triangle that the line intersects in the box, and for some
+    /// outside.
     template <class Action>
     void for_each_cut(const Line& line, Vec3d lower, Vec3d upper, const Action& action) const {
         if (empty()) return;
@@ -74,12 +75,12 @@ private:
     /// In depth-first order: the first child follows its parent.
     struct Node {
         Vec3f lower;
-        std::uint32_t place;  // of a leaf its first triangle, else how far on the second child is
+        std::uint32_t place;  // leaf: its first triangle; else the offset of the second child
         Vec3f upper;
         std::uint32_t count;  // of triangles; 0: not a leaf
     };
 
-    /// A piece of a line, to be compared with boxes.
+    /// A segment of a line, for tests against boxes.
     class Slabs {
     public:
         explicit Slabs(const Line& line) : point_(line.point()) {
@@ -89,12 +90,12 @@ private:
             Slabs copy = *this;
             return copy.narrow(vec_cast<double>(node.lower), vec_cast<double>(node.upper));
         }
-        /// Cuts off what is outside of the box; false: all.
+        /// Cuts off the parts outside of the box; false: nothing is left.
         bool narrow(Vec3d lower, Vec3d upper) {
             for (int axis = 0; axis < 3; ++axis) {
                 const double a = (lower[axis] - point_[axis]) * inverse_[axis],
                              b = (upper[axis] - point_[axis]) * inverse_[axis];
-                if (a != a || b != b) continue;  // it runs in a side of the box
+                if (a != a || b != b) continue;  // the line lies in a side of the box
                 from_ = std::max(from_, std::min(a, b));
                 to_ = std::min(to_, std::max(a, b));
             }
@@ -107,8 +108,8 @@ private:
         double from_ = -std::numeric_limits<double>::infinity(), to_ = -from_;
     };
 
-    /// Looks at the triangles of every leaf below nodes that `enters`, until `look` has seen
-    /// enough.
+    /// Calls `look` for the triangles of every leaf below nodes for which `enters`, until it
+    /// returns true.
     template <class Enters, class Look>
     void walk(const Enters& enters, const Look& look) const {
         std::uint32_t stack[kMaxDepth];

@@ -16,12 +16,14 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kGroup = 1 << 14;  // faces of a group; what it needs fits into a cache
-constexpr double kLargestCost = 0.4;     // with it the proof holds at once, as a rule
+constexpr std::size_t kGroup = 1 << 14;  // faces of a group; its data fit into a cache
+// With it the measured error is usually within the bound at once.
+constexpr double kLargestCost = 0.4;
 constexpr int kMostRepeats = 4;
-constexpr double kTighter = 0.9;  // than the proof asks for, when all is done again
+// Factor of the next tolerance, below the ratio of bound and error.
+constexpr double kTighter = 0.9;
 
-/// The middle of the box around the vertices that faces have.
+/// The centre of the bounding box.
 Vec3d middle_of(const std::vector<Vec3f>& middles) {
     constexpr float kFar = std::numeric_limits<float>::infinity();
     Vec3f low{kFar, kFar, kFar}, high = -low;
@@ -33,7 +35,7 @@ Vec3d middle_of(const std::vector<Vec3f>& middles) {
     return 0.5 * (vec_cast<double>(low) + vec_cast<double>(high));
 }
 
-/// Middles of faces. position(v): of a vertex.
+/// Centroids of faces. position(v): of a vertex.
 template <class Position>
 std::vector<Vec3f> face_middles(const std::vector<Vec3i>& faces, const Position& position) {
     std::vector<Vec3f> middles(faces.size());
@@ -46,7 +48,7 @@ std::vector<Vec3f> face_middles(const std::vector<Vec3i>& faces, const Position&
     return middles;
 }
 
-/// Positions and faces of what is used.
+/// Positions and faces, without unused vertices.
 TriangleMesh compact(const CollapsibleMesh& from, Vec3d origin) {
     TriangleMesh out{std::vector<Vec3f>(from.positions.size()), {}, from.faces};
     parallel_for(Cpu{}, static_cast<int>(out.vertices.size()), [&](int v) {
@@ -56,7 +58,7 @@ TriangleMesh compact(const CollapsibleMesh& from, Vec3d origin) {
     return out;
 }
 
-/// A mesh and what stays of it from attempt to attempt.
+/// A mesh and the data that all attempts share.
 struct Original {
     const TriangleMesh& mesh;
     const std::vector<Camera>& cameras;
@@ -71,7 +73,7 @@ struct Original {
     TriangleTree tree = TriangleTree(mesh, order);
 };
 
-/// Goes on where a tolerance may be larger than it was, as no view sees the surface.
+/// Increases tolerances where no view sees the surface.
 void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px) {
     std::vector<Vec3f> points(mesh.positions.size());
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
@@ -79,8 +81,8 @@ void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px
         points[v] = vec_cast<float>(mesh.positions[v] + original.origin);
     });
     std::vector<float> lengths = pixel_lengths({points, {}, mesh.faces}, points, original.cameras);
-    // A coarse face beside a cliff may hide what the fine ones do not: so what is within two edges
-    // of a place that is seen counts as seen.
+    // A coarse face near a depth edge may hide more than the fine faces did, so vertices within two
+    // edges of a visible one count as visible.
     for (int round = 0; round < 2; ++round) {
         const std::vector<float> before = lengths;
         for (const Vec3i& face : mesh.faces) {
@@ -103,8 +105,9 @@ void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px
     });
 }
 
-/// Collapses what it may. First as if nothing were hidden from any view, so that the depth of the
-/// mesh is that of a small one; then by what is seen of it; then along the seams that are left.
+/// Collapses edges in three steps. First with tolerances that ignore occlusion, so that later depth
+/// maps are those of a small mesh; then with tolerances of the visible surface; then along the
+/// remaining seams.
 CollapsibleMesh collapsed(const Original& original, double tolerance_px, double largest_cost) {
     std::vector<double> tolerances(original.least_lengths.size());
     parallel_for(Cpu{}, static_cast<int>(tolerances.size()), [&](int v) {
@@ -116,7 +119,7 @@ CollapsibleMesh collapsed(const Original& original, double tolerance_px, double 
     const std::vector<Vec3f> middles =
         face_middles(left.faces, [&](std::size_t v) { return vec_cast<float>(left.positions[v]); });
     std::vector<char> seams;
-    // Other groups, whose seams lie elsewhere.
+    // Different groups, with seams in other places.
     left = collapse_in_groups(left, runs_of(spatial_order(middles).places, kGroup, kGroup / 2),
                               largest_cost, seams);
     collapse_edges(left, largest_cost, 0, seams);
@@ -152,10 +155,10 @@ SimplifyReport simplify(TriangleMesh& mesh,
     const Original original{mesh, cameras, find_edges(mesh, corners)};
     const bool bounded = options.error > 0;
     const double bound_px = bounded ? double(options.error) : 1.0;
-    const double largest_cost = bounded ? kLargestCost : -1;  // none is below 0
+    const double largest_cost = bounded ? kLargestCost : -1;  // no cost is below 0
     for (double tolerance_px = bound_px;; ++report.repeats) {
         CollapsibleMesh left = collapsed(original, tolerance_px, largest_cost);
-        // What was refused may be possible once its surroundings have changed.
+        // A rejected collapse may be possible after its surroundings have changed.
         const auto most = static_cast<std::size_t>(options.faces);
         for (std::size_t before = 0;
              most > 0 && left.faces.size() > most && left.faces.size() != before;) {

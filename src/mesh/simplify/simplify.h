@@ -1,4 +1,4 @@
-// Fewer triangles for the same surface, to a bound in pixels of the views.
+// Simplifies a mesh within an error bound in pixels of the views.
 #pragma once
 
 #include <cstddef>
@@ -26,34 +26,35 @@ struct SimplifyOptions {
     }
 };
 
-/// Distances between a mesh and what it was simplified to, in both directions, in pixels of the
-/// nearest view (kUnseenPixels of them where none sees it).
+/// Distances between a mesh and its simplification, in both directions, in pixels of the nearest
+/// view (units of kUnseenPixels pixels where no view sees it).
 struct SimplifyProof {
     double mean_px = 0, p999_px = 0, max_px = 0;
-    std::size_t points = 0, all_points = 0;  // measured; of those at vertices and four per face
+    // Measured points, of the points at vertices and four per face.
+    std::size_t points = 0, all_points = 0;
 };
 
 struct SimplifyReport {
     std::size_t vertices_before = 0, faces_before = 0;
-    std::size_t no_triangles = 0;  // corners that repeat or are not finite, or the same face again
-    int repeats = 0;               // with a smaller tolerance, as the proof had not held
+    std::size_t no_triangles = 0;  // faces with repeated or non-finite corners, and repeated faces
+    int repeats = 0;  // attempts with a smaller tolerance because the error exceeded the bound
     SimplifyProof proof;
-    bool holds = true;  // 99.9 % are within the bound
+    bool holds = true;  // 99.9 % of the points are within the bound
 };
 
-/// Collapses edges until any more would move 1 in 1000 places of the surface by more than `error`
+/// Collapses edges until any more would move 1 in 1000 points of the surface by more than `error`
 /// pixels, by exact distances in both directions; then down to `faces`, whatever the error.
-/// [docs/method/simplify.md] Topology stays as it is, and what belongs to an edge of more than two
-/// faces stays where it is. Colours are those of the nearest places of the original. Faces without
-/// three different finite corners, faces that are there before, and vertices without faces are
-/// dropped. Does nothing where both options are 0. The same bits for any number of threads.
-/// `cameras`: one at least. Throws Error(ExitCode::input) for an index out of range.
+/// [docs/method/simplify.md] The topology does not change, and vertices of non-manifold edges do
+/// not move. Colours are those of the nearest points of the original. Drops faces without three
+/// different finite corners, repeated faces, and vertices without faces. Does nothing if both
+/// options are 0. The result has the same bits for any number of threads. `cameras`: at least one.
+/// Throws Error(ExitCode::input) for an index out of range.
 SimplifyReport simplify(TriangleMesh& mesh,
                         const std::vector<Camera>& cameras,
                         const SimplifyOptions& options);
 
-/// Does that and says in a line at `level` what became of it. Returns why nothing is left; empty if
-/// something is, or there was nothing before.
+/// Simplifies and logs the result in one line at `level`. Returns why nothing is left; empty if
+/// something is left, or the mesh was empty before.
 std::string simplify_and_say(TriangleMesh& mesh,
                              const std::vector<Camera>& cameras,
                              const SimplifyOptions& options,

@@ -8,28 +8,30 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kRimWeight = 10;      // of rims against faces, where the new point is chosen
+// Of boundaries relative to faces, for the position of the new vertex.
+constexpr double kRimWeight = 10;
 constexpr double kLeastCosine = 0.5;   // between the normals of a face before and after
 constexpr double kLeastAspect = 0.05;  // 4 sqrt(3) area / sum of squared sides; 1: equilateral
-constexpr double kShortFirst = 1e-2;   // cost of an edge as long as the tolerance, in the order
-constexpr double kNoWorse = 1e-6;      // by how much an end must cost less to be taken
+// Extra cost, in the order, of an edge as long as the tolerance.
+constexpr double kShortFirst = 1e-2;
+constexpr double kNoWorse = 1e-6;  // an end point is used only if it costs less by this amount
 
-/// Edges by their costs, cheapest first to within 1/16; those alike as they came.
+/// Edges by their costs, cheapest first to within 1/16; equal levels in order of insertion.
 class EdgeQueue {
 public:
     explicit EdgeQueue() : levels_(kLevels) {}
 
-    /// The level of a cost that is not negative; NaN is as infinity.
+    /// The level of a non-negative cost; NaN counts as infinity.
     static int level_of(float cost) {
         if (!(cost < kDearest)) return kLevels - 1;
         const int place = static_cast<int>(std::bit_cast<std::uint32_t>(cost) >> kDropped);
         return std::max(place - kFirst, 0);
     }
-    /// Not below that of the last one that was popped.
+    /// `level` must not be below that of the last popped edge.
     void push(int edge, int level) {
         levels_[std::size_t(std::max(level, level_))].push_back(edge);
     }
-    /// False when none is left.
+    /// False if none is left.
     bool pop(int& edge) {
         while (next_ == levels_[std::size_t(level_)].size()) {
             levels_[std::size_t(level_)].clear(), next_ = 0;
@@ -42,7 +44,7 @@ public:
     int level() const { return level_; }
 
 private:
-    // Levels are the exponent of a float and the first four bits behind it.
+    // A level is a float's exponent and the first four bits of its mantissa.
     static constexpr int kDropped = 19;
     static constexpr float kCheapest = 1.0f / (1 << 16), kDearest = 1e12f;
     static constexpr int kFirst = std::bit_cast<std::uint32_t>(kCheapest) >> kDropped;
@@ -51,16 +53,16 @@ private:
 
     std::vector<std::vector<int>> levels_;
     int level_ = 0;
-    std::size_t next_ = 0;  // of the present level
+    std::size_t next_ = 0;  // in the current level
 };
 
 double sum_of_squared_sides(Vec3d a, Vec3d b, Vec3d c) {
     return dot(b - a, b - a) + dot(c - b, c - b) + dot(a - c, a - c);
 }
 
-/// An edge goes by the corner (3 face + 0, 1, 2) from which it leads on around its face. Costs grow
-/// as surface is added to vertices: so an edge waits at a cost that was once its own, at first that
-/// of its length, and what it costs is found out when its turn has come.
+/// Names an edge by the corner (3 face + 0, 1, 2) at which it starts in its face. Costs only grow,
+/// as vertices gain surface. So an edge waits in the queue at an earlier cost, at first that of its
+/// length, and its cost is computed when it is popped.
 class Collapser {
 public:
     Collapser(CollapsibleMesh& mesh, double largest_cost)
@@ -77,7 +79,7 @@ public:
         }
     }
 
-    /// `at`: only edges that begin or end there are looked at; empty: all.
+    /// `where`: only considers edges with an end there; empty: all.
     double run(std::size_t least_faces, const std::vector<char>& where) {
         std::size_t faces = m_.faces.size();
         if (faces <= least_faces) return 0;
@@ -127,11 +129,11 @@ private:
         Vec3d point;
         double cost;
     };
-    /// A face at a vertex: its corner there, and the vertices at the next and the last corner.
+    /// A face at a vertex: its corner there, and the vertices at the next and the previous corner.
     struct Around {
         int corner, p, q;
         int out() const { return corner; }                                    // the edge to p
-        int in() const { return corner % 3 == 0 ? corner + 2 : corner - 1; }  // that from q
+        int in() const { return corner % 3 == 0 ? corner + 2 : corner - 1; }  // the edge from q
     };
 
     static std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -172,7 +174,7 @@ private:
         return best;
     }
 
-    /// What an edge costs for its length, so that short ones come first.
+    /// Extra cost of an edge by its length; short edges come first.
     double shortness(int u, int v) const {
         const Vec3d edge = m_.positions[at(u)] - m_.positions[at(v)];
         const double tolerance = std::min(m_.tolerances[at(u)], m_.tolerances[at(v)]);
@@ -189,14 +191,15 @@ private:
             return (f.p == a && f.q == b) || (f.p == b && f.q == a);
         });
     }
-    /// Faces at the edge to w.
+    /// Number of faces at the edge to w.
     static std::ptrdiff_t degree(const std::vector<Around>& around, int w) {
         return std::count_if(around.begin(), around.end(),
                              [&](const Around& f) { return f.p == w || f.q == w; });
     }
 
-    /// The link condition: what u and v both touch is what their common faces do.  [Dey99] A rim
-    /// counts as a vertex that all of its vertices touch. `shared`: those faces.
+    /// The link condition: the common neighbours of u and v are those of their common faces.
+    /// [Dey99] A boundary counts as a vertex next to all of its vertices. `shared`: number of
+    /// common faces.
     bool keeps_topology(int u, int v, int& shared) {
         int opposite[2] = {-1, -1};
         shared = 0;
@@ -214,21 +217,21 @@ private:
             for (const int w : {f.p, f.q})
                 if (marks_[at(w)] == touches_u) ++common, marks_[at(w)] = touches_both;
         if (common != shared) return false;
-        // Four faces of a tetrahedron, or a face alone, would leave nothing but edges.
+        // Four faces of a tetrahedron, or a single face, would leave nothing but edges.
         if (shared == 2)
             return !has_face(of_u_, opposite[0], opposite[1]) ||
                    !has_face(of_v_, opposite[0], opposite[1]);
         return degree(of_u_, opposite[0]) > 1 || degree(of_v_, opposite[0]) > 1;
     }
 
-    /// Whether the faces around u, but for those that v has too, may have `point` for u.
+    /// Whether the faces at u, except those shared with v, keep their shape if u moves to `point`.
     bool keeps_shape(const std::vector<Around>& around, int u, int v, Vec3d point) const {
         const Vec3d old = m_.positions[at(u)];
         for (const Around& f : around) {
             if (f.p == v || f.q == v) continue;
             const Vec3d b = m_.positions[at(f.p)], c = m_.positions[at(f.q)];
             const Vec3d before = cross(b - old, c - old), after = cross(b - point, c - point);
-            // All squared, as roots cost more than the rest.
+            // Squared, because roots cost more than the rest.
             const double was = dot(before, before), is = dot(after, after),
                          both = dot(before, after);
             if (!(both >= 0 && both * both >= kLeastCosine * kLeastCosine * was * is)) return false;
@@ -241,7 +244,8 @@ private:
         return true;
     }
 
-    /// u becomes v, which goes to `point`. of_u_ and of_v_ are what surrounds the two, either way.
+    /// Merges u into v, which moves to `point`. of_u_ and of_v_ are the surroundings of the two, in
+    /// either order.
     void merge(int u, int v, Vec3d point) {
         int* link = &first_[at(v)];
         ring_.clear();
@@ -271,8 +275,8 @@ private:
             to = std::max(from, to);
         queue_around(v);
     }
-    /// Each edge of v waits once: those that were one edge are one entry, and what had been refused
-    /// may be possible now.
+    /// Queues each edge of v once: merged edges become one entry, and rejected ones may be possible
+    /// now.
     void queue_around(int v) {
         ++mark_;
         for (const Around& f : ring_)
@@ -291,8 +295,8 @@ private:
 
     CollapsibleMesh& m_;
     double largest_cost_;
-    std::vector<int> next_, first_;  // corners of each vertex, as lists
-    std::vector<char> queued_;       // of each corner, whether its edge waits by it
+    std::vector<int> next_, first_;  // linked lists of the corners of each vertex
+    std::vector<char> queued_;       // of each corner, whether its edge is queued under it
     std::vector<std::uint32_t> marks_;
     std::uint32_t mark_ = 0;
     EdgeQueue queue_;

@@ -1,4 +1,4 @@
-// Edges of a surface become points while it stays near the planes that it had.
+// Edge collapse with quadric error and a distance bound.
 #pragma once
 
 #include <cstddef>
@@ -8,26 +8,27 @@
 
 namespace tvsgs {
 
-/// A surface and what is left of the planes of an earlier one, all one per vertex but `faces`,
-/// `rims`.
+/// A surface with the quadrics of the original. Arrays have one entry per vertex, except `faces`
+/// and `boundaries`.
 struct CollapsibleMesh {
     std::vector<Vec3d> positions;
-    std::vector<double> tolerances;  // world units; of the planes, in which quadrics are counted
-    std::vector<Quadric> surface;    // planes of faces, by area
-    std::vector<int> rim;            // place in `rims`; -1: no rim passes
-    std::vector<Quadric> rims;       // planes through rim edges, upright on their faces, by length
-    std::vector<char> fixed;         // stays where it is, and so do its edges
+    std::vector<double> tolerances;  // world units; the unit of distance of the quadrics
+    std::vector<Quadric> surface;    // planes of faces, weighted by area
+    std::vector<int> rim;            // index in `boundaries`; -1: not on a boundary
+    // Planes through boundary edges, perpendicular to their faces, weighted by length.
+    std::vector<Quadric> rims;
+    std::vector<char> fixed;  // neither the vertex nor its edges change
     std::vector<Vec3i> faces;
 };
 
-/// Collapses edges, cheapest first (to within 1/16; those alike by their order). The cost of one is
-/// the largest of the mean squared distances of the point that replaces it to what each of its two
-/// vertices stands for: surface, and rim if any. It is done up to `largest_cost`, and while there
-/// are more than `least_faces`. Refused is what would change the topology (link condition), turn
-/// the normal of a face by more than 60 degrees, or make a sliver of it. `where`: of each vertex,
-/// whether edges there are to be looked at, and whatever changes then; empty: all. What is left of
-/// `faces` keeps its order; vertices keep their numbers, used or not. Returns the greatest cost
-/// met.
+/// Collapses edges, cheapest first (to within 1/16; equal ones in order of insertion). The cost is
+/// the maximum, over the edge's two vertices, of the mean squared distance of the new vertex to the
+/// planes of their surface and boundary quadrics. Collapses edges up to `largest_cost` while there
+/// are more than `least_faces`. Rejects a collapse that would change the topology (link condition),
+/// turn the normal of a face by more than 60 degrees, or make a sliver. `where`: for each vertex,
+/// whether its edges are considered, with the edges that change later; empty: all. The remaining
+/// `faces` keep their order; vertices keep their numbers, used or not. Returns the greatest
+/// accepted cost.
 double collapse_edges(CollapsibleMesh& mesh,
                       double largest_cost,
                       std::size_t least_faces,

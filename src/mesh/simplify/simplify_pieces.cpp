@@ -31,15 +31,15 @@ namespace {
 
 constexpr int kNobody = -1, kShared = -2;
 
-/// A group of faces. Its vertices are first those that no other group has, then those that it
-/// shares, each by their numbers in the whole.
+/// A group of faces. Its vertices are first those of this group alone, then the shared ones; each
+/// by their index in the whole mesh.
 struct Piece {
     CollapsibleMesh mesh;
     std::vector<int> vertices;
     std::size_t own = 0;
 };
 
-/// Which groups the vertices of a mesh belong to.
+/// Assigns the vertices of a mesh to groups.
 class Division {
 public:
     Division(const std::vector<Vec3i>& faces, std::size_t vertices, const Groups& groups)
@@ -51,7 +51,7 @@ public:
         });
     }
 
-    /// Vertices and faces of a group.
+    /// Extracts the vertices and faces of a group.
     Piece cut_out(int group, const std::vector<int>& faces) {
         std::vector<int> shared;
         Piece piece;
@@ -86,7 +86,7 @@ public:
     }
 
 private:
-    /// Whatever the order in which groups come.
+    /// Independent of the order of the groups.
     static void claim(int& owner, int group) {
         int seen = __atomic_load_n(&owner, __ATOMIC_RELAXED);
         while (seen != group && seen != kShared &&
@@ -97,30 +97,30 @@ private:
 
     const std::vector<Vec3i>& faces_;
     std::vector<int> owner_;  // of each vertex
-    std::vector<int> place_;  // in the group that owns it
+    std::vector<int> place_;  // index in the group that owns it
 };
 
-/// The quadric of the rims at a vertex, which gets one.
+/// The boundary quadric of a vertex; creates it if necessary.
 Quadric& rims_at(CollapsibleMesh& mesh, std::size_t v) {
     int& rim = mesh.rim[v];
     if (rim < 0) rim = static_cast<int>(mesh.rims.size()), mesh.rims.emplace_back();
     return mesh.rims[std::size_t(rim)];
 }
 
-/// Makes room for one more vertex.
+/// Adds a vertex with empty quadrics.
 void add_vertex(CollapsibleMesh& to, Vec3d position, double tolerance, bool fixed) {
     to.positions.push_back(position), to.tolerances.push_back(tolerance);
     to.fixed.push_back(fixed);
     to.surface.emplace_back(), to.rim.push_back(-1);
 }
 
-/// What a vertex stands for is taken over, or added.
+/// Adds the quadrics of a vertex to those of another.
 void add_quadrics(const CollapsibleMesh& from, std::size_t i, CollapsibleMesh& to, std::size_t j) {
     to.surface[j].add(from.surface[i]);
     if (from.rim[i] >= 0) rims_at(to, j).add(from.rims[std::size_t(from.rim[i])]);
 }
 
-/// The planes of the faces of a mesh and those through its rims; rim: of the corner 3 face + k.
+/// Adds the planes of the faces and of the boundary edges; is_boundary: by corner 3 face + k.
 void add_planes(CollapsibleMesh& to,
                 const std::vector<int>& faces,
                 const std::vector<char>& is_rim) {
@@ -169,9 +169,9 @@ Piece without_unused(Piece from) {
     return out;
 }
 
-/// Pieces of a whole that has as many vertices, put together again: what they own in the order of
-/// the pieces, then what they share. add_shared(v, mesh) makes room for a shared vertex of the
-/// whole; what it stands for in each piece is added.
+/// Joins pieces of a mesh with that many vertices: first their own vertices in the order of the
+/// pieces, then shared ones. add_shared(v, mesh) adds a shared vertex; the quadrics of each piece
+/// are added to it.
 template <class AddShared>
 CollapsibleMesh join(const std::vector<Piece>& pieces,
                      std::size_t vertices,
@@ -189,7 +189,7 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
     all.positions.resize(own), all.tolerances.resize(own), all.surface.resize(own);
     all.rim.resize(own, -1), all.fixed.resize(own);
     all.rims.resize(starts.back().rim), all.faces.resize(starts.back().face);
-    std::vector<int> place(vertices, kNobody);  // of what is shared
+    std::vector<int> place(vertices, kNobody);  // of shared vertices
     for (const Piece& piece : pieces)
         for (std::size_t i = piece.own; i < piece.vertices.size(); ++i) {
             const int v = piece.vertices[i];
@@ -270,7 +270,7 @@ CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
         add(v, false, to);
         add_quadrics(mesh, static_cast<std::size_t>(v), to, to.positions.size() - 1);
     });
-    // What is shared comes last.
+    // Shared vertices come last.
     std::size_t own = 0;
     for (const Piece& piece : pieces) own += piece.own;
     seams.assign(all.positions.size(), 0);

@@ -1,4 +1,4 @@
-// A surface in pieces that can be worked at side by side, and together again.
+// Simplifies a mesh in groups of faces, in parallel, and joins the groups again.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,14 @@
 
 namespace tvsgs {
 
-/// Runs of at most `most` of an order of faces, the first one of `first`.
+/// Splits an order of faces into runs of at most `most`; the first run has `first`.
 std::vector<std::vector<int>> runs_of(const std::vector<int>& order,
                                       std::size_t most,
                                       std::size_t first);
 
-/// The mesh with the planes of its faces and rims, in groups that are simplified up to
-/// `largest_cost` (nothing is below 0) where all faces of a vertex belong to one group. `origin` is
-/// subtracted from positions.
+/// Computes the quadrics of a mesh's faces and boundaries and collapses edges up to `largest_cost`
+/// (below 0: none) in each group, at vertices whose faces belong to one group. Subtracts `origin`
+/// from positions.
 CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                                    Vec3d origin,
                                    const std::vector<double>& tolerances,
@@ -25,8 +25,8 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                                    const std::vector<std::vector<int>>& groups,
                                    double largest_cost);
 
-/// What is left of that goes on in other groups. Only what vertices are left that faces have.
-/// `seams`: whether faces of several groups met at a vertex.
+/// Continues with other groups. Keeps only vertices with faces. `seams`: whether a vertex has faces
+/// of several groups.
 CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
                                    const std::vector<std::vector<int>>& groups,
                                    double largest_cost,

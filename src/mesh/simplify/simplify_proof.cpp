@@ -10,9 +10,9 @@ namespace tvsgs {
 namespace {
 
 constexpr std::size_t kMostPoints = 1 << 18;  // in one direction
-constexpr std::size_t kChunk = 1024;          // points that one thread goes through in a row
+constexpr std::size_t kChunk = 1024;          // consecutive points of a parallel task
 
-/// action(first, last) for chunks of [0, count).
+/// Calls action(first, last) for chunks of [0, count).
 template <class Action>
 void for_chunks(std::size_t count, const Action& action) {
     parallel_for_heavy(Cpu{}, static_cast<int>((count + kChunk - 1) / kChunk), [&](int chunk) {
@@ -21,7 +21,7 @@ void for_chunks(std::size_t count, const Action& action) {
     });
 }
 
-/// Vertices first, then the middle of each face and the middles between it and the corners.
+/// Vertices first; then, for each face, its centre and the midpoints between centre and corners.
 Vec3f place_on(const TriangleMesh& mesh, std::size_t i) {
     if (i < mesh.vertices.size()) return mesh.vertices[i];
     i -= mesh.vertices.size();
@@ -91,7 +91,7 @@ void carry_colors(const TriangleMesh& original, const TriangleTree& tree, Triang
             for (int k = 0; k < 3; ++k)
                 corners[k] = vec_cast<double>(original.vertices[std::size_t(face[k])]);
             const Vec3d q = closest_on_triangle(p, corners[0], corners[1], corners[2]);
-            // Shares by the areas on the other sides; by nearness where there is no area.
+            // Barycentric weights by area; by distance if there is no area.
             double shares[3], sum = 0;
             for (int k = 0; k < 3; ++k) {
                 shares[k] = norm(cross(corners[(k + 1) % 3] - q, corners[(k + 2) % 3] - q));

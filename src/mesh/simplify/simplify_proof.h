@@ -1,5 +1,4 @@
-// How far a simplified mesh is from the original, exactly, and what of the original is carried
-// over.
+// Measures exact distances between a mesh and its simplification, and transfers vertex colours.
 #pragma once
 
 #include <vector>
@@ -9,24 +8,25 @@
 
 namespace tvsgs {
 
-/// Vertices of a mesh and four points per face; evenly chosen ones where there are very many.
+/// The vertices of a mesh and four points per face; an even subset if there are very many.
 struct SurfacePlaces {
     std::vector<Vec3f> points;
-    std::size_t all = 0;  // as many there are
+    std::size_t all = 0;  // number before the subset was taken
 };
 SurfacePlaces places_on(const TriangleMesh& mesh);
 
-/// Those, a mesh's triangles, and the length of a pixel at each place.
+/// Points of a mesh, its triangles, and the length of a pixel at each point.
 struct MeasuredMesh {
     const SurfacePlaces& places;
     const TriangleTree& tree;
     const std::vector<float> pixel_lengths;
 };
 
-/// From places to the other mesh, both ways.
+/// Measures distances of points to the other mesh, in both directions.
 SimplifyProof measure(const MeasuredMesh& original, const MeasuredMesh& simplified);
 
-/// The colours of the nearest places of the original, which has some, for the vertices of `mesh`.
+/// Sets the vertex colours of `mesh` from the nearest points of the original, which must have
+/// colours.
 void carry_colors(const TriangleMesh& original, const TriangleTree& tree, TriangleMesh& mesh);
 
 }  // namespace tvsgs

@@ -1,17 +1,17 @@
-// Sums of squared distances to planes, as a function of the point.
+// Quadric error: sum of squared distances to planes as a function of the point.
 #pragma once
 
 #include "core/math/vec.h"
 
 namespace tvsgs {
 
-/// x^T A x + 2 b^T x + c: the sum of `weight` times squared distances.  [Garland97, 4]
+/// x^T A x + 2 b^T x + c: the sum of `weight` times squared distances. [Garland97, 4]
 struct Quadric {
     Sym3<double> A;
     Vec3d b;
     double c = 0, weight = 0;
 
-    /// The plane through `point` with the unit `normal`; distances are counted in `unit`s.
+    /// Adds the plane through `point` with the unit `normal`; distances are measured in `unit`s.
     void add_plane(Vec3d normal, Vec3d point, double plane_weight, double unit) {
         const double s = plane_weight / (unit * unit), d = -dot(normal, point);
         const Vec3d sn = s * normal;
@@ -21,14 +21,14 @@ struct Quadric {
         c += s * d * d;
         weight += plane_weight;
     }
-    /// Adds `scale` times another one.
+    /// Adds `scale` times another quadric.
     void add(const Quadric& q, double scale = 1) {
         A.xx += scale * q.A.xx, A.xy += scale * q.A.xy, A.xz += scale * q.A.xz;
         A.yy += scale * q.A.yy, A.yz += scale * q.A.yz, A.zz += scale * q.A.zz;
         b += scale * q.b;
         c += scale * q.c, weight += scale * q.weight;
     }
-    /// Distances are counted in units that are `times` as long.
+    /// Changes to a unit of distance that is `times` as long.
     void count_in(double times) {
         const double s = 1 / (times * times);
         A.xx *= s, A.xy *= s, A.xz *= s, A.yy *= s, A.yz *= s, A.zz *= s;
@@ -45,8 +45,8 @@ struct Quadric {
         const double sum = dot(x, half_gradient(x)) + dot(b, x) + c;
         return sum > 0 ? sum / weight : 0;
     }
-    /// The point of the least sum, drawn towards `start` by a thousandth of the mean curvature, so
-    /// that it is one point also where planes are parallel.
+    /// The point of least sum, regularised towards `start` by a thousandth of the mean curvature so
+    /// that it is unique also for parallel planes.
     Vec3d minimum(Vec3d start) const {
         const double pull = 1e-3 / 3 * (A.xx + A.yy + A.zz);
         if (!(pull > 0)) return start;

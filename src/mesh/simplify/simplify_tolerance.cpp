@@ -10,12 +10,12 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kBehindPx = 1;  // that far behind the surface a vertex still belongs to it
+constexpr float kBehindPx = 1;  // a vertex up to so far behind the depth map is visible
 
 constexpr float kNone = std::numeric_limits<float>::infinity();
 constexpr float kShortest = 1e-30f, kLongest = 1e30f;
 
-/// By the distance to the camera that is nearest in pixels.
+/// Pixel length by distance, for the camera where it is least.
 float nearest_pixel(Vec3f point, const std::vector<Camera>& cameras) {
     float nearest = kNone;
     for (const Camera& camera : cameras)
@@ -24,7 +24,7 @@ float nearest_pixel(Vec3f point, const std::vector<Camera>& cameras) {
     return nearest;
 }
 
-/// The farthest of the four pixel centres around (u, v); infinite where one shows no surface.
+/// The farthest of the four pixel centres around (u, v); infinite if one has no surface.
 float farthest_around(const ImageF& depth, float u, float v) {
     float farthest = 0;
     for (const float du : {-0.5f, 0.5f})

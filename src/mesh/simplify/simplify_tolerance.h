@@ -1,4 +1,4 @@
-// How long a pixel is on a surface, where a view sees it from nearest.
+// The length of a pixel on a surface, in the nearest view that sees it.
 #pragma once
 
 #include <vector>
@@ -8,17 +8,17 @@
 
 namespace tvsgs {
 
-/// Pixels count that many times where no view sees the surface.
+/// Factor of the pixel length where no view sees the surface.
 inline constexpr float kUnseenPixels = 8;
 
-/// World units per pixel at each point: the least depth / focal length of the views that see it,
-/// by the mesh's depth. Where none does, kUnseenPixels times that of the views whose image it lies
-/// in, or else that of the nearest camera. `cameras`: one at least.
+/// World units per pixel at each point: the least depth / focal length over the views that see it,
+/// by depth maps of the mesh. If none does, kUnseenPixels times that of the views whose image
+/// contains it, or else that of the nearest camera. `cameras`: at least one.
 std::vector<float> pixel_lengths(const TriangleMesh& mesh,
                                  const std::vector<Vec3f>& points,
                                  const std::vector<Camera>& cameras);
 
-/// As if nothing hid the points from the views whose images they lie in: no more than that.
+/// The same without occlusion; a lower bound.
 std::vector<float> least_pixel_lengths(const std::vector<Vec3f>& points,
                                        const std::vector<Camera>& cameras);
 
