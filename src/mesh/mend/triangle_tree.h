@@ -108,7 +108,7 @@ private:
         double from_ = -std::numeric_limits<double>::infinity(), to_ = -from_;
     };
 
-    /// Calls `look` for the triangles of every leaf below nodes for which `enters`, until it
+    /// Calls `look` for the triangles of every leaf below nodes that `enters` accepts, until it
     /// returns true.
     template <class Enters, class Look>
     void walk(const Enters& enters, const Look& look) const {

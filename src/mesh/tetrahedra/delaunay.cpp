@@ -12,11 +12,11 @@
 namespace tvsgs {
 namespace {
 
-// A ghost, beyond each facet of the hull, closes the complex: every facet has two cells.
+// A ghost cell behind each facet of the hull closes the complex: every facet has two cells.
 constexpr int kGhost = -1, kFree = -2;
 
 struct Cell {
-    int v[4];  // as a Tetrahedron; kGhost counts as a point beyond the facet of the other three
+    int v[4];  // as a Tetrahedron; kGhost: a point beyond the facet of the other three
     int n[4];  // the cell across the facet opposite v[i]
 
     int slot_of(int vertex) const {
@@ -31,8 +31,8 @@ struct Cell {
     }
 };
 
-/// Rounds of doubling size, the smallest first; inside of one, near points follow each other. A
-/// function of the coordinates alone, so that equal points come together.
+/// Rounds of doubling size, the smallest first; consecutive points of a round are close together.
+/// Depends on the coordinates alone, so equal points are adjacent.
 std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
     struct Key {
         std::uint32_t round;
@@ -52,7 +52,7 @@ std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
     std::sort(keys.begin(), keys.end(), [&](const Key& a, const Key& b) {
         if (a.round != b.round) return a.round < b.round;
         if (a.code != b.code) return a.code < b.code;
-        // The code leaves out the lowest bits.
+        // The Morton code omits the lowest bits.
         const Vec3i p = points[static_cast<std::size_t>(a.index)],
                     q = points[static_cast<std::size_t>(b.index)];
         for (int axis = 0; axis < 3; ++axis)
@@ -64,7 +64,7 @@ std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
     return order;
 }
 
-/// Pairs of facets of new cells that meet in the same edge of the cavity's surface.
+/// Matches the facets of new cells that share an edge of the cavity's surface.
 class EdgeTable {
 public:
     void start(std::size_t edges) {
@@ -74,7 +74,7 @@ public:
         }
         ++round_;
     }
-    /// What was given with the same edge before; else `facet` is kept, and -1 returned.
+    /// Returns the facet given before with the same edge; else stores `facet` and returns -1.
     std::int64_t match(int a, int b, std::int64_t facet) {
         const auto low = static_cast<std::uint32_t>(std::min(a, b)),
                    high = static_cast<std::uint32_t>(std::max(a, b));
@@ -100,11 +100,11 @@ private:
 class Triangulation {
 public:
     explicit Triangulation(const std::vector<Vec3i>& points) : points_(points) {
-        const std::size_t room = 7 * points.size() + 64;  // 6.4 to 6.8 a point, and ghosts
+        const std::size_t room = 7 * points.size() + 64;  // 6.4 to 6.8 cells per point, and ghosts
         cells_.reserve(room), marks_.reserve(room);
     }
 
-    /// False where all points lie in one plane.
+    /// False if all points lie in one plane.
     bool build() {
         std::vector<int> order = insertion_order(points_);
         if (!start(order)) return false;
@@ -126,21 +126,22 @@ public:
 private:
     struct Boundary {
         int v[4];           // of the new cell
-        int apex;           // its slot of the new point
-        int outside, slot;  // what lies across, and its slot there
+        int apex;           // the new point's slot
+        int outside, slot;  // the cell across, and the slot there
     };
 
     Vec3i point(int i) const { return points_[static_cast<std::size_t>(i)]; }
     Cell& cell(int i) { return cells_[static_cast<std::size_t>(i)]; }
 
-    /// Orientation of a cell with p in the place of one of its vertices.
+    /// Orientation of a cell with p in place of one of its vertices.
     int side(const Cell& c, int slot, Vec3i p) const {
         Vec3i q[4];
         for (int i = 0; i < 4; ++i) q[i] = i == slot ? p : point(c.v[i]);
         return orientation(q[0], q[1], q[2], q[3]);
     }
 
-    /// The first tetrahedron that is not flat, and its ghosts; takes its vertices out of `order`.
+    /// Makes the first tetrahedron that is not flat, and its ghosts; removes its vertices from
+    /// `order`.
     bool start(std::vector<int>& order) {
         std::size_t at[4] = {};
         int found = 0;
@@ -170,7 +171,7 @@ private:
         for (int k = 0; k < 4; ++k) {
             Cell ghost = first;
             ghost.v[k] = kGhost, ghost.n[k] = 0;
-            // On the other side of that facet: the orientation is turned.
+            // The other side of the facet has the opposite orientation.
             const int a = (k + 1) % 4, b = (k + 2) % 4;
             std::swap(ghost.v[a], ghost.v[b]), std::swap(ghost.n[a], ghost.n[b]);
             cells_.push_back(ghost);
@@ -179,8 +180,8 @@ private:
         return true;
     }
 
-    /// A cell that the point is in conflict with; -1 if it is a vertex already. Ends, as it goes
-    /// through Delaunay cells.
+    /// A cell in conflict with the point; -1 if the point is a vertex already. The walk ends
+    /// because all cells are Delaunay.
     int locate(Vec3i p) {
         int at = last_;
         if (const int ghost = cell(at).slot_of(kGhost); ghost >= 0) at = cell(at).n[ghost];
@@ -200,9 +201,9 @@ private:
         return at;
     }
 
-    /// Strictly: then the cavity is star-shaped, and no cell comes out flat. Of a point in the
-    /// plane of a boundary facet and inside of the sphere on one side, the facet's circle is on
-    /// both spheres, so it is inside of the other one, too.
+    /// Strict, so that the cavity is star-shaped and no new cell is flat. For a point in the plane
+    /// of a boundary facet that is inside of the sphere on one side: the facet's circle lies on
+    /// both spheres, so the point is inside of the other sphere, too.
     bool conflicts(int at, Vec3i p) {
         const Cell& c = cell(at);
         const int ghost = c.slot_of(kGhost);
@@ -214,7 +215,7 @@ private:
 
     void find_cavity(int first, Vec3i p, int vertex) {
         cavity_.assign(1, first), boundary_.clear();
-        stamp_ += 2;  // of cells in the cavity; those next to it get one more
+        stamp_ += 2;  // stamp of cells in the cavity; their neighbours get one more
         mark(first) = stamp_;
         for (std::size_t k = 0; k < cavity_.size(); ++k) {
             const int at = cavity_[k];

@@ -1,4 +1,4 @@
-// On which side of a plane, and of a sphere, a point of an integer grid lies: exact.
+// Exact orientation and in-sphere tests for points on an integer grid.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-/// Coordinates are in [0, 2^kGridBits): differences M then leave room for 72 M^5 < 2^126.2, what
-/// the test of a sphere can come to with all its partial sums, in 128 bits.
+/// Coordinates are in [0, 2^kGridBits). For differences up to M, the in-sphere test and its partial
+/// sums stay below 72 M^5 < 2^126.2, which fits into 128 bits.
 inline constexpr int kGridBits = 24;
 
 namespace detail {
@@ -36,8 +36,8 @@ Wide det3(Vec3<Real> u, Vec3<Real> v, Vec3<Real> w) {
            static_cast<Wide>(u.z) * minor(v.x, v.y, w.x, w.y);
 }
 
-/// Above zero where the origin lies inside of the sphere through a, b, c and d, of positive
-/// orientation: the determinant of the rows (p, |p|^2).
+/// Positive if the origin lies inside of the sphere through a, b, c and d, of positive orientation:
+/// the determinant of the rows (p, |p|^2).
 template <class Wide, class Middle, class Narrow, class Real>
 Wide lifted_det(Vec3<Real> a, Vec3<Real> b, Vec3<Real> c, Vec3<Real> d) {
     const auto minor = [](Vec3<Real> p, Vec3<Real> q) {
@@ -71,8 +71,8 @@ inline int orientation(Vec3i a, Vec3i b, Vec3i c, Vec3i d) {
     return detail::sign(detail::det3<detail::Int128, std::int64_t>(u, v, w));
 }
 
-/// 1 where p lies inside of the sphere through a, b, c and d, a tetrahedron of positive
-/// orientation; 0: on it; -1: outside.
+/// 1 if p lies inside of the sphere through a, b, c and d, a tetrahedron of positive orientation;
+/// 0: on it; -1: outside.
 inline int in_sphere(Vec3i a, Vec3i b, Vec3i c, Vec3i d, Vec3i p) {
     const Vec3i q[4] = {a - p, b - p, c - p, d - p};
     Vec3d r[4];

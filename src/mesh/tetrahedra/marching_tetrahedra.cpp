@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kEdgeEnds[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 
-/// Faces as triples of edges; -1 ends the list. By the corners that are inside, a bit each.
+/// Faces as triples of edges, by a bit for each corner inside; -1 ends the list.
 constexpr int kFaces[16][7] = {{-1},
                                {0, 1, 2, -1},
                                {0, 4, 3, -1},
@@ -34,7 +34,7 @@ public:
 
     TetrahedraSurface surface;
 
-    /// Calls emit(keys) with the keys of the three edges of each face that is kept.
+    /// Calls emit(keys) with the keys of the three edges of each kept face.
     template <class Emit>
     void for_each_face(const std::vector<Tetrahedron>& tetrahedra, const Emit& emit) {
         surface.far_faces = surface.unseen_faces = 0;

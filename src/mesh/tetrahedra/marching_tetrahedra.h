@@ -1,4 +1,4 @@
-// The faces between the corners of tetrahedra that are in free space and those that are not.
+// Marching tetrahedra: the surface between points in free space and other points.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,7 @@
 
 namespace tvsgs {
 
-/// Where a point lies; `unseen` is inside, too, but for no other reason than that no view has it in
-/// its image.
+/// Side of a point; `unseen`: inside, but only because no view has the point in its image.
 enum class PointSide : std::uint8_t { free, inside, unseen };
 
 struct CrossedEdge {
@@ -18,14 +17,14 @@ struct CrossedEdge {
 };
 
 struct TetrahedraSurface {
-    std::vector<CrossedEdge> edges;  // one vertex each; of faces that are kept
+    std::vector<CrossedEdge> edges;  // one vertex each; of kept faces
     std::vector<Vec3i> faces;        // of edges, counter-clockwise seen from free space
-    std::int64_t far_faces = 0, unseen_faces = 0;  // left out
+    std::int64_t far_faces = 0, unseen_faces = 0;  // omitted faces
 };
 
-/// A 2-manifold where no face is left out. Left out are faces on an edge that is longer than the
-/// sum of its ends' radii (caps over what no splat covers [GOF]), and those of tetrahedra
-/// whose inner corners no view has seen. Edges are in order of their ends.
+/// Extracts the surface; it is a 2-manifold if no face is omitted. Omits faces on an edge that is
+/// longer than the sum of its ends' radii (caps over gaps between splats [GOF]) and faces of
+/// tetrahedra whose inner corners are all unseen. Edges are sorted by their ends.
 TetrahedraSurface marching_tetrahedra(const std::vector<Tetrahedron>& tetrahedra,
                                       const std::vector<PointSide>& sides,
                                       const std::vector<Vec3f>& positions,

@@ -7,7 +7,7 @@
 namespace tvsgs::detail {
 namespace {
 
-constexpr double kShareOfFreeMemory = 0.8;  // of the host, where the points' tetrahedra are made
+constexpr double kShareOfFreeMemory = 0.8;  // of the host, where the tetrahedra are computed
 constexpr float kGrainGrowth = 1.5f;
 
 std::size_t most_points(std::int64_t max_bytes, int splats) {
@@ -15,7 +15,7 @@ std::size_t most_points(std::int64_t max_bytes, int splats) {
         static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes(Cpu{})));
     const std::int64_t of_splats = std::int64_t{kFieldBytesPerSplat} * splats;
     const std::int64_t most = (std::min(max_bytes, free) - of_splats) / kPivotBytes;
-    constexpr std::int64_t kLeast = 64, kMost = 1 << 27;  // whose tetrahedra can be numbered
+    constexpr std::int64_t kLeast = 64, kMost = 1 << 27;  // limit of the numbering of tetrahedra
     if (most < kLeast)
         throw Error(ExitCode::memory, str("a mesh of ", splats, " splats takes ",
                                           of_splats + kLeast * kPivotBytes, " bytes at least, and ",

@@ -1,5 +1,5 @@
-// The surface up to which the views see through the splats, in tetrahedra between points around
-// them.  [GOF], docs/method/tetrahedra.md
+// Tetrahedra mesher: the zero level of an opacity field, in tetrahedra between points around the
+// splats. [GOF], docs/method/tetrahedra.md
 #pragma once
 
 #include <algorithm>
@@ -33,15 +33,15 @@ struct TetrahedraMesherOptions {
 
 namespace detail {
 
-/// Points with their tetrahedra; none if there is a reason.
+/// Points with their tetrahedra; none if why_empty is set.
 struct PivotTetrahedra {
     Pivots pivots;
     std::vector<Tetrahedron> tetrahedra;
     std::string why_empty;
 };
 
-/// As many points as `max_bytes` have room for, closer ones merged if need be. Throws
-/// Error(ExitCode::memory) if that is not enough for any.
+/// Makes as many points as fit into `max_bytes`; merges close points if necessary. Throws
+/// Error(ExitCode::memory) if the memory is too small for any.
 PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
                                  const FieldViews& views,
                                  const TetrahedraMesherOptions& options,
@@ -50,19 +50,19 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
                                  std::int64_t max_bytes,
                                  spdlog::level::level_enum level);
 
-/// The faces where the field changes its sign; says how many at `level`.
+/// Extracts the faces where the field changes sign; logs their number at `level`.
 TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
                                      const std::vector<Sight>& sights,
                                      int needed,
                                      spdlog::level::level_enum level);
 
-/// What no view shows gets the base colour of its splat.
+/// Mean colour of each vertex; the base colour of its splat if no view shows it.
 std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
                                const std::vector<CrossedEdge>& edges,
                                const std::vector<int>& splats,
                                const std::vector<Vec3f>& base_harmonics);
 
-/// "out of memory": for what is allocated outside of buffers.
+/// Throws "out of memory" for allocations outside of buffers.
 [[noreturn]] void throw_out_of_memory();
 
 }  // namespace detail
@@ -137,7 +137,7 @@ private:
         return to_host(sums);
     }
 
-    /// All but the colours.
+    /// Copies all but the SH coefficients.
     static Gaussians<Cpu> host_geometry(const Gaussians<Device>& gaussians) {
         Gaussians<Cpu> host;
         for_each_array(
@@ -148,7 +148,7 @@ private:
         return host;
     }
 
-    /// The coefficients of degree 0.
+    /// The SH coefficients of degree 0.
     static std::vector<Vec3f> base_harmonics(const Gaussians<Device>& gaussians) {
         std::vector<Vec3f> base(static_cast<std::size_t>(gaussians.size()));
         tvsgs::detail::copy(Device{}, gaussians.sh.data(), Cpu{}, base.data(),
@@ -156,7 +156,7 @@ private:
         return base;
     }
 
-    // Of an edge; it leaves 1/256 of the edge's length.
+    // Halvings of an edge; leaves 1/256 of its length.
     static constexpr int kBisections = 8;
 
     TetrahedraMesherOptions options_;

@@ -1,4 +1,4 @@
-// Which points of space the views see through the splats: the field whose zeros are the surface.
+// Opacity field: which points in space the views see through the splats. Its zeros are the surface.
 // docs/method/tetrahedra.md
 #pragma once
 
@@ -11,22 +11,22 @@
 
 namespace tvsgs {
 
-/// Where a splat may reach kMinAlpha: in an ellipse of the image, as SplatShape has it, from a
-/// depth on. A little too large.
+/// Image region in which a splat may reach kMinAlpha: an ellipse, as in SplatShape, from a depth
+/// on. Slightly too large.
 struct alignas(16) FieldShape {
     Vec2f mean;
     EllipseRoot<float> root;
     float reach, front;
 };
 
-/// Points lie anywhere in the pixels, while tiles are given by their pixels' centres.
+/// Points lie anywhere in a pixel, but tiles are given by their pixels' centres.
 TVSGS_HD inline bool may_draw(const FieldShape& s, Vec2f low, Vec2f high) {
     return may_draw(SplatShape<float>{s.mean, s.root, 1, s.reach},
                     Vec2f{low.x - 0.5f, low.y - 0.5f}, Vec2f{high.x + 0.5f, high.y + 0.5f});
 }
 
-/// The splats as the field takes them, all [N]: activated, with the filter where there is one. Made
-/// on the host for both devices.
+/// The splats for the field, all [N]: activated, with the 3D filter if there is one. Made on the
+/// host for both devices.
 template <class Device>
 struct FieldSplats {
     Buffer<Vec3f, Device> means, scales;
@@ -43,19 +43,19 @@ void copy(const FieldSplats<From>& from, FieldSplats<To>& to) {
     copy(from.quats, to.quats), copy(from.opacities, to.opacities);
 }
 
-/// Bytes of the device per splat: FieldSplats, and a view's records and lists of about ten tiles.
+/// Device memory per splat: FieldSplats, and a view's records and lists of about ten tiles.
 inline constexpr int kFieldBytesPerSplat = 500;
 
-/// Whose light is followed.
+/// The views that see the points.
 struct FieldViews {
     const std::vector<View>& views;
-    bool masks;  // what lies outside of them is in no image
-    float near;  // splats and points nearer to a camera's plane are not in its image either
+    bool masks;  // a point outside of a view's mask is not in its image
+    float near;  // nor are splats and points nearer to a camera's plane
     int needed;  // of is_free()
 };
 
-/// What the views see of the points; `sights` is resized and overwritten. The share of light that
-/// gets through is prod (1 - alpha) over all splats, alpha the largest one up to the point.
+/// Counts the views that see each point; `sights` is resized and overwritten. Transmittance is prod
+/// (1 - alpha) over all splats, with the largest alpha up to the point.
 void see_points(const FieldSplats<Cpu>& splats,
                 const FieldViews& views,
                 const Buffer<Vec3f, Cpu>& points,
@@ -65,8 +65,8 @@ void see_points(const FieldSplats<Cuda>& splats,
                 const Buffer<Vec3f, Cuda>& points,
                 Buffer<Sight, Cuda>& sights);
 
-/// Halves segments whose ends are in free space and not, `steps` times, and leaves the middle of
-/// what is left in both.
+/// Bisects segments between a free and an inside end, `steps` times, and sets both ends to the
+/// middle of the remaining segment.
 void find_crossings(const FieldSplats<Cpu>& splats,
                     const FieldViews& views,
                     int steps,

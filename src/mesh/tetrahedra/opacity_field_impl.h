@@ -13,7 +13,7 @@ namespace tvsgs::detail {
 template <class Device>
 using FieldViewSplats = ViewSplats<Device, FieldShape, RayGaussian<float>>;
 
-/// The splats as a view's tiles list them.
+/// Prepares a splat for the tile lists of a view.
 struct FieldSplatBody {
     Camera camera;
     TileGrid grid;
@@ -33,7 +33,7 @@ struct FieldSplatBody {
         if (!(p.z > near) || !is_finite(p) || !(opacity >= kMinAlpha)) return;
         const Mat3f axes = camera.camera_from_world.R * rotation(quats[i]);
         const Vec3f s = kept_scales(scales[i]);
-        // A little beyond where alpha is cut off.
+        // Slightly beyond the cut-off of alpha.
         const float reach2 = 2 * splat_reach(opacity) + 0.001f;
         if (!is_finite(reach2 * (s * s))) return;
         const EllipsoidImage<float> image = ellipsoid_image(camera, axes, s, p, reach2);
@@ -66,8 +66,8 @@ struct FieldView {
     Span<const FieldShape> shapes;
     Span<const RayGaussian<float>> gaussians;
 
-    /// Counts the view if it has the point in its image. Front to back, as a hidden point is known
-    /// to be hidden soon.
+    /// Counts the view if its image contains the point. Goes front to back, which ends early for
+    /// hidden points.
     TVSGS_HD void look(Vec3f point, Sight& sight) const {
         const Vec3f p = camera.camera_from_world * point;
         if (!(p.z > near) || !is_finite(p)) return;
@@ -85,7 +85,7 @@ struct FieldView {
             const std::uint32_t i = splats[at];
             const FieldShape& s = shapes[i];
             const Vec2f w = whitened(s.root, Vec2f{s.mean.x - u, s.mean.y - v});
-            if (p.z < s.front || dot(w, w) > s.reach) continue;  // most
+            if (p.z < s.front || dot(w, w) > s.reach) continue;  // true for most splats
             T *= 1 - alpha_up_to(gaussians[i], ray, p.z);
         }
         ++sight.views;
@@ -109,7 +109,7 @@ struct NoSightBody {
     TVSGS_HD void operator()(int i) const { sights[i] = {}; }
 };
 
-/// Room for one view after the other.
+/// Buffers that the views reuse.
 template <class Device>
 struct FieldScratch {
     FieldViewSplats<Device> splats;

@@ -1,4 +1,4 @@
-// How opaque a Gaussian is along a ray up to a point, without an approximation of the projection.
+// Exact opacity of a Gaussian along a ray up to a point, without approximating the projection.
 // docs/method/tetrahedra.md
 #pragma once
 
@@ -9,20 +9,20 @@
 
 namespace tvsgs {
 
-/// A Gaussian as rays from a camera's centre meet it: in its own axes, each measured in units of
-/// its standard deviation over the smallest one's. A flat splat then gives no large numbers, and
-/// nothing is inverted. In whole 16-byte words.
+/// A Gaussian relative to a camera's centre, in its own axes; each axis is measured in units of its
+/// standard deviation over the smallest one's. So a flat splat gives no large numbers and no
+/// inverse is needed. Its size is a multiple of 16 bytes.
 template <class Real>
 struct alignas(16) RayGaussian {
     Mat3<Real> W;      // from the camera frame
     Vec3<Real> start;  // the camera's centre
-    Real variance;     // the smallest, world units
+    Real variance;     // of the thinnest axis, world units
     Real opacity;
     Real reach2;  // squared standard deviations up to which alpha is at least kMinAlpha
     Real unused = 0;
 };
 
-/// The axes that a splat keeps: thinner than a millionth of its width is no thinner in float.
+/// Scales limited to at least a millionth of the largest; thinner splats are no thinner in float.
 template <class Real>
 TVSGS_HD Vec3<Real> kept_scales(Vec3<Real> s) {
     const Real largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
@@ -30,7 +30,7 @@ TVSGS_HD Vec3<Real> kept_scales(Vec3<Real> s) {
     return {s.x > least ? s.x : least, s.y > least ? s.y : least, s.z > least ? s.z : least};
 }
 
-/// `axes`: the splat's, as columns, in the camera frame; `scales`: kept_scales().
+/// `axes`: of the splat as columns, in the camera frame; `scales`: kept_scales().
 template <class Real>
 TVSGS_HD RayGaussian<Real> ray_gaussian(const Mat3<Real>& axes,
                                         Vec3<Real> scales,
@@ -50,18 +50,18 @@ TVSGS_HD RayGaussian<Real> ray_gaussian(const Mat3<Real>& axes,
     return g;
 }
 
-/// The largest alpha on the way from the camera along `ray` (z = 1, camera frame) to depth z > 0; 0
-/// below kMinAlpha. The squared distance from the mean, in standard deviations, is a parabola over
-/// the depth, least where the ray is next to the mean.
+/// The largest alpha between the camera and depth z > 0 along `ray` (z = 1, camera frame); 0 below
+/// kMinAlpha. The squared distance from the mean, in standard deviations, is a parabola over depth
+/// with its minimum where the ray is nearest to the mean.
 template <class Real>
 TVSGS_HD Real alpha_up_to(const RayGaussian<Real>& g, Vec3<Real> ray, Real z) {
     const Vec3<Real> b = g.W * ray, moment = cross(g.start, b);
     const Real bb = dot(b, b), unit = bb * g.variance;
-    // In units of `unit`, so that what is out of reach takes no division: most splats are.
+    // In units of `unit`: most splats are out of reach, and this test needs no division.
     Real distance2 = dot(moment, moment);
     const Real limit = (g.reach2 + Real(1e-3)) * unit;
     if (!(distance2 < limit)) return 0;
-    const Real along = dot(g.start, b);  // -bb times the depth next to the mean
+    const Real along = dot(g.start, b);  // -bb times the depth nearest to the mean
     const Real y = along > 0 ? along : z * bb + along < 0 ? z * bb + along : Real(0);
     distance2 += y * y;
     if (!(distance2 < limit)) return 0;
@@ -70,11 +70,11 @@ TVSGS_HD Real alpha_up_to(const RayGaussian<Real>& g, Vec3<Real> ray, Real z) {
     return alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha);
 }
 
-/// Where a Gaussian reaches kMinAlpha: the image of an ellipsoid, which is an ellipse.
+/// Image of the ellipsoid in which a Gaussian reaches kMinAlpha: an ellipse.
 template <class Real>
 struct EllipsoidImage {
     Vec2<Real> mean;   // px
-    Sym2<Real> shape;  // px^2: the squares of its half-widths, and their product
+    Sym2<Real> shape;  // px^2: squared half-widths on the diagonal
     Real half_depth;   // world units
     bool bounded;      // else it reaches to the camera's plane and may be anywhere in the image
 };
@@ -112,17 +112,17 @@ TVSGS_HD EllipsoidImage<Real> ellipsoid_image(
     return image;
 }
 
-/// A point is clear in a view if half of the light from it gets to the camera.
+/// A point is clear in a view if half of its light reaches the camera.
 inline constexpr float kClear = 0.5f;
 
-/// How many views have a point in their image, and in how many of them it is clear. Counted no
-/// further than is_free() needs.
+/// Number of views whose image contains a point, and number in which it is clear. Stops counting
+/// when is_free() is decided.
 struct Sight {
     int views = 0, clear = 0;
 };
 
-/// Whether a point lies in free space: clear in one view of up to two, and in `needed` (1 or 2) of
-/// more.
+/// Whether a point lies in free space: clear in one view if up to two have it in their image, and
+/// in `needed` (1 or 2) if more have.
 TVSGS_HD inline bool is_free(Sight sight, int needed) {
     return sight.clear >= (sight.views > 2 ? needed : 1);
 }

@@ -12,15 +12,15 @@ namespace tvsgs {
 namespace {
 
 constexpr float kReach = 3;       // standard deviations
-constexpr float kSlack = 1.001f;  // of radii, for what the grid moves
-constexpr double kBoxFactor = 4;  // of the box over the splats' extent
+constexpr float kSlack = 1.001f;  // factor of radii, for the displacement by the grid
+constexpr double kBoxFactor = 4;  // size of the box relative to the splats' extent
 
-/// Numbers up to a most, few bytes each.
+/// A set of at most `most` numbers, with few bytes each.
 class SmallSet {
 public:
     explicit SmallSet(std::size_t most) : slots_(std::bit_ceil(2 * most + 2), 0) {}
 
-    /// False if it is there already.
+    /// False if the set contains it already.
     bool insert(std::uint64_t key) {
         key += key == 0;
         const std::size_t mask = slots_.size() - 1;
@@ -41,8 +41,8 @@ std::uint64_t mixed(std::uint64_t x) {
     return x ^ x >> 31;
 }
 
-/// A cell of the grid of the largest power of two up to `size`. Two cells in 10^19 have the same
-/// number; a point would be missing.
+/// Key of a cell in the grid whose spacing is the largest power of two up to `size`. Two of 10^19
+/// cells collide; a collision loses one point.
 std::uint64_t cell_key(Vec3f p, float size) {
     const int level = std::ilogb(size);
     std::uint64_t key = mixed(static_cast<std::uint64_t>(level + 1000));
@@ -52,8 +52,8 @@ std::uint64_t cell_key(Vec3f p, float size) {
     return key;
 }
 
-/// Appends the points of splat i; `least`: of its deviation along the normal; `reach`: of the
-/// radii.
+/// Appends the points of splat i; `least`: minimum of its deviation along the normal; `reach`:
+/// factor of the radii.
 void append_points(const FieldSplats<Cpu>& splats,
                    int splat,
                    PivotKind kind,
@@ -155,7 +155,7 @@ std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
 std::vector<Vec3i> snap_to_grid(const FieldSplats<Cpu>& splats,
                                 const Contraction<double>& contraction,
                                 Pivots& pivots) {
-    // Of the centres: one huge splat then takes no digits from the others' points.
+    // Bounds of the splats' centres, so that one huge splat costs the other points no precision.
     Vec3d low{INFINITY, INFINITY, INFINITY}, high = -low;
     for (const int splat : pivots.splats) {
         const Vec3d p =

@@ -10,7 +10,7 @@ namespace tvsgs {
 namespace texture {
 namespace {
 
-/// Where the corners of all faces lie.
+/// Sets the texture coordinates of all faces.
 void set_places(const TriangleMesh& mesh,
                 const std::vector<PhotoView>& views,
                 const Atlas& atlas,

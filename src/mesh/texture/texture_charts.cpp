@@ -13,10 +13,11 @@ namespace {
 
 constexpr int kLeastSide = 256;
 constexpr double kStep = 0.95, kLeastScale = 0.01;
-constexpr double kUnseenLength = 2;   // texels of the longest edge where there is nothing to show
-constexpr double kMostLength = 1024;  // of a face that views show in part
-constexpr double kShareOfUnseen = 0.25;  // of the texture; where more would be, they are flat
-constexpr int kColorSteps = 32;          // per channel, of flat tiles
+constexpr double kUnseenLength = 2;   // texels of the longest edge of an unseen face
+constexpr double kMostLength = 1024;  // of a partly visible face
+// Of the texture; unseen faces are flat if they would take more.
+constexpr double kShareOfUnseen = 0.25;
+constexpr int kColorSteps = 32;  // per channel, of flat tiles
 
 std::vector<Chart> charts_of(const TriangleMesh& mesh,
                              const std::vector<PhotoView>& views,
@@ -84,7 +85,7 @@ void place_chart(double scale, Chart& chart) {
         static_cast<int>(std::ceil(chart.bounds[3] * scale)) + kBorder_px - chart.top;
 }
 
-/// Rectangles by shelves into that width; the height they take, or nothing beyond `most`.
+/// Packs rectangles into shelves of the given width. Returns the height; nothing if above `most`.
 std::optional<int> pack(std::vector<Rect*>& rects, int width, int most) {
     int x = 0, y = 0, shelf = 0;
     for (Rect* const rect : rects) {
@@ -97,7 +98,7 @@ std::optional<int> pack(std::vector<Rect*>& rects, int width, int most) {
     return y + shelf;
 }
 
-/// Whether all fits at `scale`; sets sizes and places.
+/// Whether everything fits at `scale`; sets sizes and places.
 bool fit(const TriangleMesh& mesh, Atlas& atlas, bool flat, double scale, int width) {
     atlas.scale = scale;
     std::vector<Rect*> rects;
@@ -110,12 +111,12 @@ bool fit(const TriangleMesh& mesh, Atlas& atlas, bool flat, double scale, int wi
     const std::optional<int> height = pack(rects, width, width);
     if (!height) return false;
     atlas.width = width, atlas.height = 4;
-    // Powers of two, as old devices want them; the side that was asked for may be none.
+    // Old devices need powers of two. A given width may be none.
     while (atlas.height < *height) atlas.height = std::min(2 * atlas.height, width);
     return true;
 }
 
-/// Too many for tiles of their own: faces of about one colour share one.
+/// Makes unseen faces of similar colour share a tile if there are too many for their own.
 void share_tiles(const TriangleMesh& mesh, std::vector<Tile>& tiles) {
     std::map<int, int> first;
     for (std::size_t i = 0; i < tiles.size(); ++i) {

@@ -1,4 +1,4 @@
-// Where the faces lie in the texture.
+// Layout of charts and single faces in the texture.
 #pragma once
 
 #include <optional>
@@ -15,7 +15,7 @@ struct Rect {
     int x = 0, y = 0, width = 0, height = 0;
 };
 
-/// Connected faces as one view shows them: the texel (i, j) of its rectangle shows the pixel
+/// Connected faces projected into one view: the texel (i, j) of its rectangle shows the pixel
 /// ((left + i + 0.5) / scale, (top + j + 0.5) / scale) of the photograph.
 struct Chart {
     int view = 0;
@@ -25,16 +25,16 @@ struct Chart {
     Rect rect;
 };
 
-/// A face of its own, unfolded: corners in texels from the corner of its rectangle.
+/// A single face, unfolded; corners in texels from the corner of its rectangle.
 struct Tile {
     int face = 0;
-    bool seen = false;  // views show parts of it; else the colours of its vertices
+    bool seen = false;  // views show parts of it; else it gets its vertex colours
     double length = 0;  // of its longest edge, in pixels
-    double finest = 0;  // world units per pixel of the view that sees it best; 0: none
-    int first = 0;      // the corner of the face from which that edge goes
+    double finest = 0;  // world units per pixel of the best view; 0: none
+    int first = 0;      // the corner where its longest edge starts
     Vec2<double> corners[3];
     Rect rect;
-    int same_as = -1;  // another tile that has its colour
+    int same_as = -1;  // index of a tile of the same colour to use instead; -1: none
 };
 
 struct Atlas {
@@ -44,8 +44,8 @@ struct Atlas {
     std::vector<Tile> tiles;
 };
 
-/// Charts of the faces' views and tiles of the others, packed by shelves, the highest first. They
-/// become smaller by steps of 5 % until they fit into `max_side`.
+/// Packs charts of faces with a view and tiles of the others into shelves, the highest first.
+/// Shrinks them in steps of 5 % until they fit into `max_side`.
 Atlas lay_out(const TriangleMesh& mesh,
               const std::vector<PhotoView>& views,
               const Candidates& candidates,

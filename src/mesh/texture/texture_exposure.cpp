@@ -10,8 +10,8 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr double kOutlier = 3, kLeastDeviation = 0.02;  // deviations; of colours in [0, 1]
-constexpr float kDark = 0.05f, kBright = 0.95f;         // beyond, colours say little of exposure
+constexpr double kOutlier = 3, kLeastDeviation = 0.02;  // in deviations; of colours in [0, 1]
+constexpr float kDark = 0.05f, kBright = 0.95f;         // colours outside say little about exposure
 constexpr double kMostGain = 4;
 constexpr int kMostCompared = 20000;  // faces, spread over the mesh
 constexpr int kMostPartners = 8;      // of a view of a face
@@ -22,7 +22,7 @@ float median_of(Span<float> values) {
     return *middle;
 }
 
-/// Beyond that from the median of the candidates' colours, one is an outlier.
+/// A colour farther than `limit` from the median of the candidates is an outlier.
 struct Bounds {
     Vec3f middle;
     double limit = INFINITY;
@@ -36,7 +36,7 @@ struct Bounds {
             middle[c] = median_of(values);
         }
         for (std::size_t i = 0; i < values.count; ++i) values[i] = norm(of[i].color - middle);
-        // 1.4826: of the median to the deviation of normal errors.
+        // 1.4826: ratio of the deviation to the median for normal errors.
         limit = kOutlier * std::max(1.4826 * double{median_of(values)}, kLeastDeviation);
     }
     bool hold(Vec3f color) const { return double{norm(color - middle)} <= limit; }
@@ -45,7 +45,7 @@ struct Bounds {
 }  // namespace
 
 void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
-    // 1. Of each pair of views, the logarithms of what one says over what the other says.
+    // 1. For each pair of views, the logarithms of the ratios of their colours on common faces.
     std::map<std::pair<int, int>, std::vector<Vec3f>> ratios;
     const auto tells = [](Vec3f color) {
         return std::min({color.x, color.y, color.z}) > kDark &&
@@ -62,7 +62,8 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
                 ratios[{of[i].view, of[j].view}].push_back(ratio);
             }
     }
-    // 2. Logarithms of the gains, per channel: gain_i - gain_j = -median, weighted by how often.
+    // 2. Logarithms of the gains, per channel: gain_i - gain_j = -median, weighted by the number of
+    // ratios.
     const auto count = static_cast<Eigen::Index>(views.size());
     Eigen::MatrixXd A = Eigen::MatrixXd::Zero(count, count), b = Eigen::MatrixXd::Zero(count, 3);
     for (auto& [pair, list] : ratios) {
@@ -76,7 +77,8 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
             b(i, c) -= weight * median, b(j, c) += weight * median;
         }
     }
-    for (Eigen::Index i = 0; i < count; ++i) A(i, i) += 1;  // a view by itself stays as it is
+    // A view without partners keeps its exposure.
+    for (Eigen::Index i = 0; i < count; ++i) A(i, i) += 1;
     const Eigen::MatrixXd gains = A.ldlt().solve(b);
     const double most = std::log(kMostGain);
     for (Eigen::Index i = 0; i < count; ++i)

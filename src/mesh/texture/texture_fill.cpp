@@ -8,7 +8,7 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr double kCovered_px = 0.75;       // a texel counts as covered from that far beside a face
+constexpr double kCovered_px = 0.75;       // a texel counts as covered up to so far beside a face
 constexpr double kLeastTileCosine = 0.05;  // of views that show parts of a face
 
 void set_texel(ImageU8& image, int x, int y, Vec3f color) {
@@ -35,7 +35,7 @@ struct Patch {
           colors(known.size()) {}
     std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
 
-    /// Texels beside known ones take the mean of these, `times` over.
+    /// Gives texels beside known ones the mean colour of the known ones, `times` times.
     void dilate(int times) {
         for (; times > 0; --times) {
             const std::vector<char> before = known;
@@ -61,9 +61,9 @@ struct Patch {
     }
 };
 
-/// Calls set(x, y, weights, outside) for the texels of a rectangle that a triangle covers, or
-/// nearly so: the weights of its corners at the texel's middle, or at the place of the triangle
-/// next to it, and how far outside, in weights, that middle is.
+/// Calls set(x, y, weights, outside) for the texels of a rectangle that a triangle covers or nearly
+/// covers. `weights`: of the corners, at the texel's centre or at the nearest point of the
+/// triangle; `outside`: distance of the centre from the triangle, in weights.
 template <class Set>
 void for_covered(const Vec2<double> (&p)[3], Rect rect, const Set& set) {
     const auto [low_x, high_x] = std::minmax({p[0].x, p[1].x, p[2].x});
@@ -71,7 +71,7 @@ void for_covered(const Vec2<double> (&p)[3], Rect rect, const Set& set) {
     const double turn =
         (p[1].x - p[0].x) * (p[2].y - p[0].y) - (p[1].y - p[0].y) * (p[2].x - p[0].x);
     const double sign = turn < 0 ? -1 : 1;
-    // Middles of texels up to one beside it.
+    // Texel centres up to one texel beside the triangle.
     const int x0 = std::max(0, static_cast<int>(std::ceil(low_x - 1.5))),
               x1 = std::min(rect.width - 1, static_cast<int>(std::floor(high_x + 0.5))),
               y0 = std::max(0, static_cast<int>(std::ceil(low_y - 1.5))),
@@ -106,7 +106,7 @@ void fill_chart(const TriangleMesh& mesh,
                 double scale,
                 ImageU8& image) {
     Patch patch(chart.rect);
-    // 1. The face of each texel: one that it lies in is the first.
+    // 1. The face of each texel; a face that contains its centre wins.
     struct Cover {
         int face = -1;
         float outside = INFINITY, weights[3];
@@ -125,7 +125,8 @@ void fill_chart(const TriangleMesh& mesh,
                             cover.weights[c] = static_cast<float>(weights[c]);
                     });
     }
-    // 2. By points of the surface: within a face the texture is linear, a photograph is not.
+    // 2. Samples the photograph at surface points, because texture mapping is linear within a face
+    // and projection is not.
     for (std::size_t i = 0; i < covers.size(); ++i) {
         if (covers[i].face < 0) continue;
         Vec3d point;
@@ -139,7 +140,7 @@ void fill_chart(const TriangleMesh& mesh,
     patch.put_into(image, chart.rect);
 }
 
-/// Where the texels of a tile lie on its face.
+/// Positions of a tile's texels on its face.
 struct TilePlaces {
     const Tile& tile;
     Vec2<double> ab, ac;
@@ -152,7 +153,7 @@ struct TilePlaces {
             texel = std::max(texel, norm(face.corners[(c + 1) % 3] - face.corners[c]));
         texel /= std::max(1.0, static_cast<double>(t.rect.width) - 5);
     }
-    /// Weights of its corners; beside the face they are beyond 0 and 1.
+    /// Barycentric weights; outside of the face they leave [0, 1].
     Vec3d weights(int x, int y) const {
         if (turn == 0) return {1.0 / 3, 1.0 / 3, 1.0 / 3};
         const Vec2<double> d = Vec2<double>{x + 0.5, y + 0.5} - tile.corners[0];
@@ -169,7 +170,7 @@ struct TilePlaces {
     }
 };
 
-/// What the views say of one tile's texels, the near and frontal ones most.
+/// Weighted colours of one tile's texels; near and frontal views have the largest weights.
 struct TileColors {
     const Tile* tile;
     std::vector<Vec3f> sums;  // [height width]
@@ -190,7 +191,7 @@ struct TileColors {
                 const double pixel = p.z / view.camera.fx_px;
                 const Sight sight = sight_of(view, maps, p, pixel / std::max(cosine, 0.1));
                 if (sight == Sight::none) continue;
-                // In units of the finest pixel, whose square has room in a float.
+                // In units of the finest pixel, so that its square fits into a float.
                 const double share = tile->finest / pixel;
                 const auto weight = static_cast<float>(std::pow(cosine * share * share, 2) *
                                                        (sight == Sight::edge ? 1e-3 : 1));
@@ -200,7 +201,7 @@ struct TileColors {
     }
 };
 
-/// The colours of the face's vertices, also beside it: linear in it, so exact between texels.
+/// Vertex colours of the face, extrapolated outside of it: linear, hence exact between texels.
 Vec3f vertex_color(const TriangleMesh& mesh, int face, Vec3d weights) {
     if (mesh.colors.empty()) return kGrey;
     Vec3f color;

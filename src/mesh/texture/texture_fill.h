@@ -1,4 +1,4 @@
-// The pixels of a texture.
+// Fills the pixels of a texture.
 #pragma once
 
 #include "mesh/texture/texture_charts.h"
@@ -6,12 +6,12 @@
 
 namespace tvsgs::texture {
 
-inline constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};  // of what has no colour
+inline constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};  // of faces without a colour
 
-/// From the corner of the chart's rectangle, in texels.
+/// Texels from the corner of the chart's rectangle.
 Vec2<double> place_in(const Chart& chart, double scale, const Projection& p);
 
-/// Charts, each corrected, and tiles on a ground of one colour.
+/// Draws charts with their corrections, and tiles, on a background of one colour.
 ImageU8 fill_texture(const TriangleMesh& mesh,
                      const std::vector<PhotoView>& views,
                      const Atlas& atlas,

@@ -10,10 +10,10 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr double kSeamCost = 1;  // pixels of area that a pixel of seam is worth
+constexpr double kSeamCost = 1;  // cost of a pixel of seam, in pixels of area
 constexpr int kSweeps = 20;
 constexpr double kIslandArea_px = 50;
-constexpr int kIslandPasses = 3;  // an island may lie in an island
+constexpr int kIslandPasses = 3;  // islands can be nested
 
 /// The shared edges of each face: up to three.
 struct FaceEdges {
@@ -35,11 +35,11 @@ int other_face(const SharedEdge& edge, int face) {
     return edge.faces[0] == face ? edge.faces[1] : edge.faces[0];
 }
 
-/// What the labelling goes by, in pixels of the view that shows a face best.
+/// Inputs of the labelling, in pixels of the best view of a face.
 struct Costs {
     std::vector<float> area;         // of faces; 0 without a view
     std::vector<float> best;         // quality
-    std::vector<float> edge_length;  // the mean over its faces
+    std::vector<float> edge_length;  // mean over its faces
 
     Costs(const TriangleMesh& mesh,
           const Candidates& candidates,
@@ -68,7 +68,7 @@ const Candidate* find_view(Span<const Candidate> of, int view) {
     return nullptr;
 }
 
-/// The choice of one face after another, each given the others'.
+/// Chooses a view for one face after another while the others are fixed.
 class Choice {
 public:
     Choice(const Candidates& candidates, const std::vector<SharedEdge>& edges, const Costs& costs)
@@ -77,7 +77,7 @@ public:
           costs_(costs),
           edges_of_(edges_of_faces(costs.area.size(), edges)),
           waiting_(costs.area.size(), 1) {
-        // Faces of one colour do not touch: which of them comes first does not matter.
+        // Faces of one colour do not touch, so their order does not matter.
         std::vector<std::uint8_t> color(edges_of_.size(), kColors);
         for (int f = 0; f < static_cast<int>(color.size()); ++f) {
             bool taken[kColors + 1] = {};
@@ -87,7 +87,7 @@ public:
             if (candidates.of(f).count > 1) faces_[color[f]].push_back(f);
         }
     }
-    /// One pass over the faces that have had a change beside them; whether any has changed.
+    /// One pass over the faces with a changed neighbour; returns whether any face changed.
     bool improve(std::vector<int>& views) {
         std::int64_t changes = 0;
         for (const std::vector<int>& faces : faces_)
@@ -98,7 +98,7 @@ public:
                 const int chosen = best_view(f, views);
                 if (chosen == views[f]) return;
                 views[f] = chosen;
-                for (const int e : edges_of_[f])  // of another colour; two may say so at once
+                for (const int e : edges_of_[f])  // of another colour; two faces may write at once
                     std::atomic_ref(waiting_[other_face(edges_[e], f)]).store(1);
                 add_atomically(&changes, 1);
             });
@@ -119,7 +119,7 @@ private:
                 if (neighbour >= 0 && neighbour != c.view)
                     cost += kSeamCost * costs_.edge_length[e];
             }
-            // The view that it has stays where another is as good.
+            // On a tie, keeps the current view.
             if (cost < least || (cost == least && c.view == views[f]))
                 least = cost, chosen = c.view;
         }
@@ -134,13 +134,13 @@ private:
     std::vector<int> faces_[kColors];
 };
 
-/// What small parts border on.
+/// A border edge of a small part.
 struct Border {
     int part, view, beyond;  // the view and the part on the other side
     float length;
 };
 
-/// Small parts take the view that most of their border has, of those that show all of their faces.
+/// Gives each small part the view along most of its border, among views that show all of its faces.
 bool join_islands(const Candidates& candidates,
                   const std::vector<SharedEdge>& edges,
                   const Costs& costs,
@@ -167,7 +167,7 @@ bool join_islands(const Candidates& candidates,
     for (std::size_t f = 0; f < views.size(); ++f)
         if (parts[f] >= 0 && faces[parts[f]].capacity() > 0)
             faces[parts[f]].push_back(static_cast<int>(f));
-    // Neighbours of a part that has changed wait for the next pass.
+    // Neighbours of a changed part wait for the next pass.
     std::vector<char> fixed(count, 0);
     bool changed = false;
     for (std::size_t begin = 0, end = 0; begin < borders.size(); begin = end) {
@@ -214,7 +214,7 @@ std::vector<SharedEdge> shared_edges(const TriangleMesh& mesh) {
     std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
     std::vector<Side> sides(3 * mesh.faces.size());
     for_each_side([&](int low, Side side) { sides[next[low]++] = side; });
-    // 2. Pairs among those.
+    // 2. Pairs of equal sides.
     const auto for_pairs = [&](int v, const auto& action) {
         for (std::size_t i = begin[v], end = i; i < begin[v + 1]; i = end) {
             while (end < begin[v + 1] && sides[end].high == sides[i].high) ++end;

@@ -1,4 +1,4 @@
-// Which view each face takes its colours from.
+// Chooses the view from which each face takes its colours.
 #pragma once
 
 #include <vector>
@@ -7,25 +7,25 @@
 
 namespace tvsgs::texture {
 
-/// An edge that two faces have in common, as corners begin and begin + 1 of the first have it.
+/// An edge with two faces, from corner begin to begin + 1 of the first face.
 struct SharedEdge {
     int faces[2];
     int vertices[2];
 };
 
-/// All of them, by vertices; edges of one face, or of more than two, are none.
+/// All of them, by vertices; without boundary edges and edges of more than two faces.
 std::vector<SharedEdge> shared_edges(const TriangleMesh& mesh);
 
-/// The view of each face, -1 where none shows all of it. A face in another view than the best loses
-/// its area, in pixels, times the share of the quality that it does without; an edge between two
-/// views costs its length. From the best views on, face by face, until none changes; then parts of
-/// less than 50 pixels take the view of a neighbour that shows them.
+/// The view of each face; -1 if none shows it completely. The cost of a view is the face's area, in
+/// pixels, times the relative loss of quality against the best view; an edge between two views
+/// costs its length. Starts from the best views and changes face by face until none improves. Then
+/// parts of less than 50 pixels take the view of a neighbour that shows them.
 std::vector<int> choose_views(const TriangleMesh& mesh,
                               const Candidates& candidates,
                               const std::vector<SharedEdge>& edges);
 
-/// Parts of faces of one view that edges connect: the number of each face's, -1 for faces without
-/// a view. `count`: of the parts; they are numbered by their first faces.
+/// Connected faces of one view: the part of each face, -1 for faces without a view. Parts are
+/// numbered by their first faces. `count`: number of parts.
 std::vector<int> connected_parts(const std::vector<int>& views,
                                  const std::vector<SharedEdge>& edges,
                                  int& count);

@@ -11,13 +11,14 @@ namespace tvsgs::texture {
 namespace {
 
 constexpr double kSpacing_px = 8;
-constexpr int kMostValues = 200000;  // of all charts: beyond, the spacing doubles
-constexpr double kSmoothness = 0.1;  // of differences beside steps
-constexpr double kAgreement = 0.1;   // of a pixel's difference from what all views say
-constexpr double kDamping = 1e-4;    // of values where no face says anything
+constexpr int kMostValues = 200000;  // of all charts; the spacing doubles above it
+constexpr double kSmoothness = 0.1;  // weight of differences between neighbours, relative to steps
+// Weight of the difference of a pixel from the mean of all views.
+constexpr double kAgreement = 0.1;
+constexpr double kDamping = 1e-4;    // of values without faces
 constexpr double kPlaceStep_px = 2;  // along an edge
 
-/// Where a correction is read: four values and their weights.
+/// Interpolation in a correction: four values and their weights.
 struct Weights {
     int index[4];
     double weight[4];
@@ -44,7 +45,7 @@ Correction grid_of(const Chart& chart, double spacing) {
     return grid;
 }
 
-/// Marks the values about the faces of a chart: a rectangle may be mostly empty.
+/// Marks the values around the faces of a chart, because most of its rectangle can be empty.
 void mark_used(const TriangleMesh& mesh,
                const PhotoView& view,
                const Chart& chart,
@@ -72,7 +73,8 @@ void mark_used(const TriangleMesh& mesh,
 
 struct Unknowns {
     std::vector<Correction> grids;
-    std::vector<std::vector<int>> numbers;  // of the values of each grid, -1: not used
+    // Index of each grid's values among the unknowns, -1: not used.
+    std::vector<std::vector<int>> numbers;
     int count = 0;
 
     Unknowns(const TriangleMesh& mesh,
@@ -89,8 +91,8 @@ struct Unknowns {
     }
 };
 
-/// What the views say of a face together, by quality, beside what its own view says; `pixels` of
-/// the latter.
+/// Difference of the mean colour of a face over all views, weighted by quality, from its own view;
+/// `pixels`: area in the own view.
 struct Difference {
     Vec3d color;
     double pixels = 0;
@@ -108,7 +110,7 @@ struct Difference {
     }
 };
 
-/// Of one chart, at each of its values.
+/// Target of one chart at each of its values.
 struct Wanted {
     std::vector<double> weights;
     std::vector<Vec3d> sums;
@@ -132,14 +134,14 @@ struct Wanted {
     }
 };
 
-/// One place on an edge between two charts, as either shows it.
+/// A point on an edge between two charts, and the step in colour there.
 struct SeamPlace {
     int index[8];  // of unknowns
     double weight[8];
     Vec3f step;
 };
 
-/// Places along all edges between charts.
+/// Points along all edges between charts.
 std::vector<SeamPlace> seam_places(const TriangleMesh& mesh,
                                    const std::vector<PhotoView>& views,
                                    const std::vector<Chart>& charts,
@@ -149,7 +151,7 @@ std::vector<SeamPlace> seam_places(const TriangleMesh& mesh,
     for (std::size_t k = 0; k < charts.size(); ++k)
         for (const int f : charts[k].faces) chart_of[f] = static_cast<int>(k);
     struct Seam {
-        int sides[2], count;  // charts; places
+        int sides[2], count;  // charts; number of points
         Vec3d from, to;
         std::size_t first;
     };
@@ -214,7 +216,7 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
 
     std::vector<Eigen::Triplet<double>> entries;
     Eigen::MatrixXd b = Eigen::MatrixXd::Zero(unknowns.count, 3);
-    // 1. As bright as all views say, and neighbouring values alike.
+    // 1. Brightness near the mean of all views, and similar neighbouring values.
     std::vector<std::optional<Wanted>> wanted(charts.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(charts.size()), [&](int k) {
         const Chart& chart = charts[k];
@@ -239,7 +241,7 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
                 }
             }
     }
-    // 2. The same colour on both sides of an edge.
+    // 2. Equal colour on both sides of an edge.
     const std::vector<SeamPlace> places = seam_places(mesh, views, charts, edges, unknowns);
     for (const SeamPlace& place : places)
         for (int j = 0; j < 8; ++j) {

@@ -1,4 +1,4 @@
-// What is added to the charts so that they meet without a step.
+// Colour corrections that remove the steps between charts.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace tvsgs::texture {
 
-/// A correction of one chart: its values at every `spacing` pixels of the photograph, linear
-/// between them.
+/// A correction of one chart: values at every `spacing` pixels of the photograph, linear between
+/// them.
 struct Correction {
     double left = 0, top = 0, spacing = 1;  // pixels
     int columns = 0, rows = 0;
@@ -17,9 +17,9 @@ struct Correction {
     Vec3f at(double u, double v) const;
 };
 
-/// One per chart: least squares of the steps along all edges between charts, after correction, of
-/// what its faces then differ from what all views say of them, and of the differences of
-/// neighbouring values.  [docs/method/texture.md#seams] `compared`: places along edges.
+/// One correction per chart, by least squares of: the steps along all edges between charts, the
+/// difference of each face from the mean of all views, and the differences of neighbouring values.
+/// [docs/method/texture.md#seams] `compared`: number of sample points on edges.
 std::vector<Correction> level_seams(const TriangleMesh& mesh,
                                     const std::vector<PhotoView>& views,
                                     const Candidates& candidates,

@@ -11,12 +11,12 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr int kEdge = 2;              // pixels around a place in which something in front matters
-constexpr double kLeastCosine = 0.2;  // of a view that shows a face
-constexpr double kLeastSeenCosine = 0.05;  // of one that shows a part of it
-constexpr double kSampleStep_px = 3;       // between the places of a face that are looked at
+constexpr int kEdge = 2;                   // radius in pixels in which a surface in front matters
+constexpr double kLeastCosine = 0.2;       // of a view that shows a face completely
+constexpr double kLeastSeenCosine = 0.05;  // of a view that shows a part of a face
+constexpr double kSampleStep_px = 3;       // between the sample points of a face
 constexpr int kMostSamples = 256;          // along a side of a face
-constexpr float kEdgeShare = 0.1f;         // of the quality where something in front is close
+constexpr float kEdgeShare = 0.1f;         // factor of the quality if a surface in front is close
 constexpr int kFacesPerTask = 1024;
 constexpr std::size_t kKeptPixels = std::size_t{1} << 27;  // of depth, 512 MB
 
@@ -38,9 +38,9 @@ Vec3f bilinear(const ImageU8& image, double u, double v) {
     return out;
 }
 
-/// The least depth in a square around each pixel; 0 where there is none in it.
+/// The least depth in a square around each pixel; 0 if there is none.
 ImageF least_around(const ImageF& depth, int radius) {
-    // 0 is the greatest then.
+    // Ranks 0, no depth, last.
     const auto rank = [](float d) { return d > 0 ? d : INFINITY; };
     ImageF rows(depth.width, depth.height, 1), out(depth.width, depth.height, 1);
     parallel_for_heavy(Cpu{}, depth.height, [&](int y) {
@@ -63,7 +63,7 @@ ImageF least_around(const ImageF& depth, int radius) {
     return out;
 }
 
-/// Calls look(point) for places spread over a triangle.
+/// Calls look(point) for points spread over a triangle.
 template <class Look>
 void for_places(const Vec3d (&corners)[3], int n, const Look& look) {
     const auto at = [&](double i, double j) {
@@ -71,7 +71,7 @@ void for_places(const Vec3d (&corners)[3], int n, const Look& look) {
         return corners[0] + b * (corners[1] - corners[0]) + c * (corners[2] - corners[0]);
     };
     constexpr double kThird = 1.0 / 3;
-    for (int j = 0; j < n; ++j)  // the middles of the n^2 triangles that it is cut into
+    for (int j = 0; j < n; ++j)  // the centres of its n^2 subtriangles
         for (int i = 0; i + j < n; ++i) {
             look(at(i + kThird, j + kThird));
             if (i + j + 1 < n) look(at(i + 2 * kThird, j + 2 * kThird));
@@ -82,20 +82,20 @@ double length(double x, double y) {
     return std::sqrt(x * x + y * y);
 }
 
-/// A view with what it hides, looking at faces.
+/// Judges faces in one view with its occlusion maps.
 struct Looker {
     const PhotoView& view;
     int index;
     const SightMaps& maps;
-    const std::vector<Vec3d>& vertices;  // of the mesh, in the frame of its camera
+    const std::vector<Vec3d>& vertices;  // of the mesh, in the camera frame
 
     struct Found {
-        bool seen = false;  // any of it
-        float pixel = 0;    // in its middle
+        bool seen = false;  // any part of it
+        float pixel = 0;    // at its centre
         std::optional<Candidate> all;
     };
 
-    /// What the view shows of a face.
+    /// How the view shows a face.
     Found look_at(Vec3i face) const {
         Found out;
         const Vec3d corners[3] = {vertices[face.x], vertices[face.y], vertices[face.z]};
@@ -145,12 +145,12 @@ struct FaceCandidate {
     Candidate candidate;
 };
 
-/// Adds those of several views, each by faces.
+/// Adds the candidates of several views, each sorted by face.
 void add(const std::vector<std::vector<FaceCandidate>>& lists, Candidates& to) {
     const int faces = to.faces();
     std::vector<std::size_t> begin(to.begin.size(), 0);
     for (int f = 0; f < faces; ++f) begin[f + 1] = to.of(f).count;
-    const auto for_each = [&](const auto& action) {  // a face is in a list once
+    const auto for_each = [&](const auto& action) {  // a list contains a face at most once
         for (const auto& list : lists)
             parallel_for(Cpu{}, static_cast<int>(list.size()), [&](int i) { action(list[i]); });
     };
@@ -165,7 +165,7 @@ void add(const std::vector<std::vector<FaceCandidate>>& lists, Candidates& to) {
     to.begin = std::move(begin), to.all = std::move(all);
 }
 
-/// The best of each face.
+/// Keeps the best candidates of each face.
 void keep_best(Candidates& candidates) {
     std::vector<char> stay(candidates.all.size(), 1);
     parallel_for(Cpu{}, candidates.faces(), [&](int f) {

@@ -1,4 +1,4 @@
-// Colours of a mesh's vertices from renders of the views that see them.
+// Vertex colours of a mesh from renders of the views that see them.
 #pragma once
 
 #include "core/device/parallel.h"
@@ -11,11 +11,11 @@ struct ColorSum {
     float weight = 0;
 };
 
-/// The pixel of the view that the vertex is in, weighted by its resolution there and by how near
-/// to the vertex its depth lies, in pixels; from eight on it shows something else.
+/// Adds the view's pixel at the vertex, weighted by its resolution and by the distance between
+/// vertex and depth, in pixels. At eight pixels and more it shows another surface.
 struct AddColorBody {
     Camera camera;
-    Span<const float> depth;  // [H W] 0: nothing there
+    Span<const float> depth;  // [H W] 0: none
     Span<const Vec3f> color;  // [H W]
     Span<const Vec3f> vertices;
     Span<ColorSum> sums;
@@ -37,7 +37,7 @@ struct AddColorBody {
     }
 };
 
-/// Adds what one view shows of the vertices.
+/// Adds the colours of one view to the vertices.
 void add_colors(const DepthView<Cpu>& view,
                 const Buffer<Vec3f, Cpu>& vertices,
                 Buffer<ColorSum, Cpu>& sums);
