@@ -1,4 +1,4 @@
-// Depth maps of made-up scenes, which may differ from view to view, as evidence.
+// Depth maps of synthetic scenes as evidence; the scene may differ from view to view.
 #pragma once
 
 #include <initializer_list>
@@ -18,8 +18,8 @@ inline TriangleMesh joined(std::initializer_list<TriangleMesh> parts) {
     return all;
 }
 
-/// What a camera at `centre` that looks at the origin sees of `scene`: 200 pixels wide, and as many
-/// units of focal length, so that a pixel is a 200th of its depth wide.
+/// The depth map of `scene` for a camera at `centre` that looks at the origin: 200 pixels wide,
+/// with a focal length of 200 pixels, so that a pixel is 1/200 of its depth wide.
 inline EvidenceView view_of(const TriangleMesh& scene, Vec3d centre, bool trusted = true) {
     const Camera camera = look_at_origin(centre, 200);
     EvidenceView view{camera, render_mesh(scene, camera).depth.pixels, {}};
@@ -35,14 +35,14 @@ inline EvidenceSource source_of(const std::vector<EvidenceView>& views) {
 /// Three eyes above the origin, five units away.
 inline constexpr Vec3d kEyes[] = {{-1.2, 0, 5}, {0, 0.3, 5}, {1.2, 0, 5}};
 
-/// `scene` from all of these.
+/// `scene` from each of kEyes.
 inline std::vector<EvidenceView> views_of(const TriangleMesh& scene) {
     std::vector<EvidenceView> views;
     for (const Vec3d eye : kEyes) views.push_back(view_of(scene, eye));
     return views;
 }
 
-/// A level square about (x, y, z).
+/// A horizontal square with the centre (x, y, z).
 inline TriangleMesh sheet(double x, double y, double z, double side, int n) {
     return square({x - side / 2, y - side / 2, z}, side, n);
 }

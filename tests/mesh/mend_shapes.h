@@ -1,4 +1,4 @@
-// Meshes with holes and ragged rims, and what is to hold of a mesh that was mended.
+// Meshes with holes and irregular boundaries, and checks for repaired meshes.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace tvsgs::test {
 
-/// Vertices in one place become one.
+/// Merges vertices of one position.
 inline TriangleMesh welded(const TriangleMesh& mesh) {
     std::map<std::tuple<float, float, float>, int> known;
     TriangleMesh out;
@@ -31,7 +31,7 @@ inline TriangleMesh welded(const TriangleMesh& mesh) {
     return out;
 }
 
-/// Without the faces whose middle is `gone`.
+/// Drops the faces whose centre satisfies `gone`.
 inline TriangleMesh without(TriangleMesh mesh, const std::function<bool(Vec3f)>& gone) {
     std::vector<char> keep;
     for (const Vec3i f : mesh.faces)
@@ -43,9 +43,9 @@ inline TriangleMesh without(TriangleMesh mesh, const std::function<bool(Vec3f)>&
 }
 
 struct Topology {
-    int rim_edges = 0, euler = 0;  // the latter: vertices - edges + faces
-    bool sound = true;  // no double face, none without area, at most two faces at an edge, each its
-                        // own way round
+    int rim_edges = 0, euler = 0;  // euler: vertices - edges + faces
+    // No repeated face, none without area, at most two faces at an edge, in opposite directions.
+    bool sound = true;
 };
 
 inline Topology topology(const TriangleMesh& mesh) {

@@ -1,4 +1,4 @@
-// Meshes of simple solids, cut up as finely as asked for.
+// Meshes of simple solids with a given subdivision.
 #pragma once
 
 #include <cmath>
@@ -24,7 +24,7 @@ inline void add_patch(TriangleMesh& mesh,
         }
 }
 
-/// The six sides of a box, 12 n^2 triangles, its axes turned by `turn`.
+/// The six sides of a box, 12 n^2 triangles, with its axes rotated by `turn`.
 inline TriangleMesh box(Vec3d lower, Vec3d upper, int n, const Mat3<double>& turn) {
     TriangleMesh mesh;
     for (int axis = 0; axis < 3; ++axis)
@@ -50,7 +50,7 @@ inline TriangleMesh ball(Vec3d centre, double radius, int n) {
     return mesh;
 }
 
-/// A level square with the given corner and side.
+/// A horizontal square with the given corner and side.
 inline TriangleMesh square(Vec3d corner, double side, int n = 1) {
     TriangleMesh mesh;
     add_patch(mesh, n, [&](double u, double v) { return corner + Vec3d{side * u, side * v, 0}; });
@@ -74,7 +74,7 @@ inline double area(const TriangleMesh& mesh) {
     return sum;
 }
 
-/// By 0.4 rad about the axis (1, 2, 3).
+/// Rotation by 0.4 rad about the axis (1, 2, 3).
 inline Mat3<double> a_turn() {
     const Vec3d axis = normalize(Vec3d{1, 2, 3});
     const double s = std::sin(0.2);

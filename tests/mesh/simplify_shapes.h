@@ -1,4 +1,4 @@
-// Surfaces for simplification, what is counted on them, and cameras.
+// Surfaces and cameras for the tests of simplification, and counts of their topology.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace tvsgs::test {
 
-/// Vertices of the same place become one.
+/// Merges vertices of one position.
 inline TriangleMesh weld(const TriangleMesh& mesh) {
     TriangleMesh out;
     std::map<std::tuple<float, float, float>, int> places;
@@ -30,7 +30,7 @@ inline TriangleMesh weld(const TriangleMesh& mesh) {
     return out;
 }
 
-/// n x n pairs of triangles whose opposite sides are one.
+/// n x n pairs of triangles with opposite sides joined.
 inline TriangleMesh torus(double major, double minor, int n) {
     TriangleMesh mesh;
     for (int j = 0; j < n; ++j)
@@ -46,7 +46,7 @@ inline TriangleMesh torus(double major, double minor, int n) {
     return mesh;
 }
 
-/// The square [0, side]^2 with heights and colours by place, n x n pairs of triangles.
+/// The square [0, side]^2 as n x n pairs of triangles, with heights and colours by position.
 inline TriangleMesh relief(double side,
                            int n,
                            const std::function<double(double, double)>& height) {
@@ -58,16 +58,17 @@ inline TriangleMesh relief(double side,
 }
 
 struct Topology {
-    int euler = 0;          // vertices in use - edges + faces
+    int euler = 0;          // used vertices - edges + faces
     int rim_edges = 0;      // of one face
     int crowded_edges = 0;  // of more than two faces
-    int twisted_edges = 0;  // that two faces pass in the same direction
+    int twisted_edges = 0;  // with two faces in the same direction
     int repeated_faces = 0;
-    int pinched = 0;  // vertices that rims pass more than once
+    int pinched = 0;  // vertices that boundaries pass more than once
 };
 
 inline Topology topology(const TriangleMesh& mesh) {
-    std::map<std::pair<int, int>, std::pair<int, int>> edges;  // forwards, backwards
+    // Numbers of faces: forwards, backwards.
+    std::map<std::pair<int, int>, std::pair<int, int>> edges;
     std::set<int> used;
     std::set<std::tuple<int, int, int>> faces;
     Topology out;
@@ -122,10 +123,10 @@ inline std::vector<Camera> all_around(double distance, double focal_px) {
     return cameras;
 }
 
-/// Independent and normal, of deviation 1.
+/// Independent samples of the standard normal distribution.
 inline std::function<double()> noise(unsigned seed) {
     return [engine = std::mt19937(seed)]() mutable {
-        double sum = -6;  // of twelve uniform ones
+        double sum = -6;  // of twelve uniform numbers
         for (int i = 0; i < 12; ++i) sum += double(engine()) / 4294967296.0;
         return sum;
     };

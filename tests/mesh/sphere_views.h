@@ -1,5 +1,4 @@
-// A unit sphere seen by cameras all around it, with exact depth: what the fusion oracles were made
-// from.
+// A unit sphere with exact depth maps of cameras all around: the input of the fusion oracles.
 #pragma once
 
 #include <cmath>
@@ -36,8 +35,8 @@ inline Camera look_at_origin(Vec3d centre, int size_px) {
     return camera;
 }
 
-/// Unit sphere at the origin, camera `i` of `count` on a Fibonacci sphere of radius 3; colours by
-/// position. Behind it nothing, or a white dome about the origin.
+/// Camera `i` of `count` on a Fibonacci sphere of radius 3 around the unit sphere at the origin;
+/// colours by position. The background is empty, or a white dome about the origin.
 inline DepthMap sphere_view(int i, int count, int size_px, double dome_radius = 0) {
     const double theta = 3.14159265358979 * (1 + std::sqrt(5.0)) * (i + 0.5);
     const double cos_phi = 1 - 2 * (i + 0.5) / count, sin_phi = std::sqrt(1 - cos_phi * cos_phi);

@@ -1,4 +1,4 @@
-// Flat, opaque splats on surfaces that are known, and views of them.
+// Flat, opaque splats on known surfaces, and views of them.
 #pragma once
 
 #include <cmath>
@@ -17,14 +17,14 @@ inline void set_flat_splat(
     g.means[at] = vec_cast<float>(mean);
     const auto broad = static_cast<float>(std::log(size));
     g.log_scales[at] = {broad, broad, static_cast<float>(std::log(thickness))};
-    // From the z axis to n.
+    // Rotates the z axis to n.
     g.quats[at] =
         n.z > -0.999 ? quat_cast<float>(Quat<double>{1 + n.z, -n.y, n.x, 0}) : Quatf{0, 1, 0, 0};
     g.opacity_logits[at] = 6;
     g.sh[at] = {1, 0, -1};
 }
 
-/// A Fibonacci sphere about the origin; neighbours overlap.
+/// Splats on a Fibonacci sphere about the origin; neighbours overlap.
 inline Gaussians<Cpu> sphere_splats(int count, double radius, double flatness) {
     Gaussians<Cpu> g;
     resize(g, count, 0);

@@ -1,4 +1,4 @@
-// Delaunay tetrahedra against their definition, in exact arithmetic.
+// Checks Delaunay tetrahedra against their definition, in exact arithmetic.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,8 +14,7 @@ namespace {
 
 constexpr int kMost = (1 << kGridBits) - 1;
 
-/// Determinant of a matrix of small integers by cofactors: slow, and without the tricks of the
-/// predicates.
+/// Determinant of a matrix of small integers by cofactors, independent of the predicates.
 detail::Int128 determinant(const std::vector<std::vector<detail::Int128>>& m) {
     if (m.size() == 1) return m[0][0];
     detail::Int128 sum = 0;
@@ -68,14 +67,14 @@ TEST(GridPredicates, AgreeWithCofactorsAlsoWhereTheyVanish) {
         const int extent = 2 + i % 5, factor = i % 2 ? kMost / extent : 1;
         Vec3i p[5];
         for (int k = 0; k < 5; ++k) p[k] = factor * random_point(i, k, extent);
-        if (i % 3 == 0) p[4].x = std::min(p[4].x + 1, kMost), ++by_one;  // next to a zero
+        if (i % 3 == 0) p[4].x = std::min(p[4].x + 1, kMost), ++by_one;  // next to zero
         EXPECT_EQ(orientation(p[0], p[1], p[2], p[4]), exact_orientation(p[0], p[1], p[2], p[4]));
         const int side = exact_in_sphere(p[0], p[1], p[2], p[3], p[4]);
         EXPECT_EQ(in_sphere(p[0], p[1], p[2], p[3], p[4]), side);
         zeros += side == 0;
     }
     EXPECT_GT(zeros, 200);
-    // The largest numbers there are.
+    // The largest numbers allowed.
     EXPECT_EQ(orientation({0, 0, 0}, {kMost, 0, 0}, {0, kMost, 0}, {kMost, kMost, 1}), 1);
     EXPECT_EQ(
         in_sphere({0, 0, 0}, {kMost, 0, 0}, {0, kMost, 0}, {0, 0, kMost}, {kMost, kMost, kMost}),
@@ -85,11 +84,11 @@ TEST(GridPredicates, AgreeWithCofactorsAlsoWhereTheyVanish) {
               1);
 }
 
-/// That the cells are the Delaunay tetrahedra of all the points; returns their number.
+/// Checks that the cells are the Delaunay tetrahedra of all points; returns their number.
 std::size_t check(const std::vector<Vec3i>& points) {
     const std::vector<Tetrahedron> cells = delaunay(points);
     const auto at = [&](int i) { return points[static_cast<std::size_t>(i)]; };
-    std::map<std::array<int, 3>, std::vector<int>> facets;  // the vertices opposite
+    std::map<std::array<int, 3>, std::vector<int>> facets;  // opposite vertices
     std::set<std::pair<int, int>> edges;
     std::set<int> vertices;
     double volume = 0;
@@ -122,7 +121,7 @@ std::size_t check(const std::vector<Vec3i>& points) {
                 if (other == t[i]) continue;
                 EXPECT_LE(in_sphere(at(t[0]), at(t[1]), at(t[2]), at(t[3]), at(other)), 0);
             }
-            // A facet of the hull: nothing lies beyond.
+            // A facet of the hull: no point lies beyond.
             if (opposite.size() == 1)
                 for (int p = 0; p < static_cast<int>(points.size()) && points.size() < 600; ++p) {
                     Tetrahedron beyond = t;
@@ -131,7 +130,7 @@ std::size_t check(const std::vector<Vec3i>& points) {
                         orientation(at(beyond[0]), at(beyond[1]), at(beyond[2]), at(beyond[3])), 0);
                 }
         }
-    // All points that differ are vertices, and the complex is a ball.
+    // All distinct points are vertices, and the complex is a ball.
     const auto less = [](Vec3i a, Vec3i b) {
         return std::array{a.x, a.y, a.z} < std::array{b.x, b.y, b.z};
     };
@@ -149,11 +148,11 @@ TEST(Delaunay, RandomPoints) {
     std::vector<Vec3i> points;
     for (int i = 0; i < 3000; ++i) points.push_back(random_point(1, i));
     const std::size_t cells = check(points);
-    EXPECT_GT(cells, 18000u);  // about 6.77 a point, less at the hull
+    EXPECT_GT(cells, 18000u);  // about 6.77 per point, fewer at the hull
     EXPECT_LT(cells, 20400u);
-    points.resize(500);  // with the test of the whole hull
+    points.resize(500);  // includes the test of the whole hull
     check(points);
-    // The same again, and whatever the order of the points.
+    // The result is the same again, and for any order of the points.
     const auto coordinates = [](const std::vector<Vec3i>& p) {
         std::set<std::set<std::array<int, 3>>> all;
         for (const Tetrahedron& t : delaunay(p)) {
@@ -184,7 +183,8 @@ TEST(Delaunay, LatticesWhereEveryCubeIsCospherical) {
 }
 
 TEST(Delaunay, PointsOnOneSphere) {
-    // Exactly: (x, y, z) with x^2 + y^2 + z^2 = 5^2 13^2, and all their signs and orders.
+    // Integer points exactly on a sphere: (x, y, z) with x^2 + y^2 + z^2 = 5^2 13^2, in all signs
+    // and orders.
     std::vector<Vec3i> points;
     for (int x = -65; x <= 65; ++x)
         for (int y = -65; y <= 65; ++y)
@@ -210,7 +210,7 @@ TEST(Delaunay, ThinShellsAsPivotsMakeThem) {
 }
 
 TEST(Delaunay, PlanesOfPointsAndRepetitions) {
-    // A plane with one point beside it, and points on lines and on facets of the hull.
+    // A plane with one point beside it; points on lines and on facets of the hull.
     std::vector<Vec3i> points;
     for (int i = 0; i < 400; ++i) points.push_back({i % 20, i / 20, 0});
     EXPECT_EQ(check(points), 0u);  // all in one plane

@@ -1,4 +1,4 @@
-// What comes before fusion: the focus of the cameras and the rules that drop depths.
+// Tests the inputs of fusion: the focus of the cameras, and the rules that drop depths.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -48,7 +48,7 @@ std::pair<std::vector<float>, DepthCounts> cleaned(const std::vector<std::uint8_
     return {to_host(clean.depth), counts};
 }
 
-/// A plane that falls away to the right: its normal, and no normal in the last pixel.
+/// A plane that is tilted to the right, with its normal; the last pixel has no normal.
 template <class Device>
 void check_angle_and_step() {
     RenderedImages<Device> rendered;
@@ -68,8 +68,8 @@ void check_angle_and_step() {
     EXPECT_TRUE(clean.weight.empty());
 }
 
-/// The middle pixel looks straight ahead, the last one past 45 degrees; a wall at depth 2 that
-/// faces the camera.
+/// The middle pixel looks straight ahead, the last one beyond 45 degrees; a frontal wall at depth
+/// 2.
 template <class Device>
 void check_reach_and_weight() {
     RenderedImages<Device> rendered;
@@ -81,7 +81,7 @@ void check_reach_and_weight() {
     rules.depth_max = 3, rules.weighting = DepthWeighting::cosine;
     rules.centre = {0, 0, 1}, rules.reach = 2;
     CleanDepth<Device> clean;
-    // (2, 0, 2) lies sqrt(5) from the centre.
+    // (2, 0, 2) is at distance sqrt(5) from the centre.
     EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean).out_of_reach, 1);
     EXPECT_EQ(to_host(clean.depth), (std::vector<float>{0, 2, 0}));
     rules.reach = 2.5f;

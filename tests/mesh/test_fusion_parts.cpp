@@ -1,4 +1,4 @@
-// Fusion within a budget: whatever the budget, the mesh is the same, byte for byte.
+// Fusion within a memory limit gives the same mesh, byte for byte, for any limit.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -28,13 +28,13 @@ protected:
         fs::remove_all(folder_);
     }
 
-    /// How the sphere is fused: 9 blocks across, or 3 before a dome.
+    /// Cases of fusing the sphere: 9 blocks across, or 3 in front of a dome.
     struct Case {
         const char* name;
         TsdfOptions options{0.03f, 0.09f, 0};
         bool weighted = false, trust = false;
         double dome = 0;
-        std::vector<int> shares{2, 10};  // of the memory it needs; 1: no limit
+        std::vector<int> shares{2, 10};  // divisors of the memory it needs; 1: no limit
     };
     static std::vector<Case> cases() {
         Case unbounded{"unbounded", {0.08f, 0.24f, 0}};
@@ -59,7 +59,8 @@ protected:
         const auto source = [&](int i) -> DepthView<Device> {
             if (i == fail_at) throw Error(ExitCode::input, "this view is bad");
             test::DepthMap map = test::sphere_view(i, 6, 96, how.dome);
-            if (how.trust && i == 0)  // before the sphere hangs what the others look through
+            // A surface in front of the sphere that the other views look through.
+            if (how.trust && i == 0)
                 for (std::size_t p = 0; p < map.depth.size(); ++p)
                     if (p / 96 > 30 && p / 96 < 60 && p % 96 > 30 && p % 96 < 60)
                         map.depth[p] = 1.2f;
@@ -132,8 +133,8 @@ TEST_F(FusionParts, BuffersStayWithinTheBudget) {
     FusionReport whole, parts;
     fuse<Cpu>({"as it is"}, 0, whole);
     const std::int64_t budget = whole.blocks * VoxelBlocks<Cpu>::kWorkingBytesPerBlock / 10;
-    // A peak is for the whole process: what a tenth of the budget adds must fit below that of a
-    // whole volume, so the buffers are counted while the parts are fused.
+    // The peak counts the whole process. What a tenth of the limit adds must fit below the peak of
+    // the whole volume, so the buffers are counted while the parts are fused.
     std::int64_t most = 0;
     Buffer<float, Cpu> depth;
     Buffer<Vec3f, Cpu> color;
@@ -161,7 +162,7 @@ TEST_F(FusionParts, ErrorsLeaveNothing) {
     EXPECT_THROW(fuse<Cpu>({"as it is"}, 100 * block, report, 4), Error);
     try {
         fuse<Cpu>({"as it is"}, 5 * block,
-                  report);  // a block of a surface has about twenty around it
+                  report);  // a block of a surface has about twenty neighbours
         ADD_FAILURE() << "no error";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::memory);

@@ -1,4 +1,4 @@
-// Which splats are too large to be meshed.
+// Tests which splats are too large to be meshed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ Camera camera_at(float x, float f_px, float cx_px = 32) {
     return camera;
 }
 
-/// Scales (4 deviations of pixels, times `largest` in one axis) at places on a line.
+/// Splats at (0, 0, z) with standard deviations of 4 pixels, times `largest` on one axis.
 Gaussians<Cpu> splats(const std::vector<float>& z, const std::vector<float>& largest, int axis) {
     Gaussians<Cpu> g;
     resize(g, static_cast<int>(z.size()), 0);
@@ -34,8 +34,8 @@ Gaussians<Cpu> splats(const std::vector<float>& z, const std::vector<float>& lar
 const std::vector<Camera> kCameras{camera_at(0, 100), camera_at(3, 400, 332)};
 
 TEST(LargeSplats, AreThoseAboveSoManyPixelsOfTheFinestCamera) {
-    // At (0, 0, 4) the first camera's pixels are 0.04 wide; the second is 5 away: 0.0125. At
-    // (0, 0, 0.3) the first has 0.003, the second 0.00754.
+    // Pixel widths at (0, 0, 4): 0.04 in the first camera, 0.0125 in the second, which is 5 away.
+    // At (0, 0, 0.3): 0.003 and 0.00754.
     for (int axis = 0; axis < 3; ++axis) {
         Gaussians<Cpu> g = splats({4, 4, 0.3f, 0.3f}, {0.0999f, 0.1001f, 0.0239f, 0.0241f}, axis);
         EXPECT_EQ(fade_large(kCameras, 8, g), 2u);
@@ -45,7 +45,7 @@ TEST(LargeSplats, AreThoseAboveSoManyPixelsOfTheFinestCamera) {
 }
 
 TEST(LargeSplats, CamerasThatDoNotSeeThePlaceDoNotCount) {
-    // The second has finer pixels there, but the place out of its image.
+    // The second camera has finer pixels there, but the point is outside of its image.
     std::vector<Camera> cameras{camera_at(0, 100), camera_at(1, 400)};
     Gaussians<Cpu> g = splats({0.9f, 0.9f}, {0.07f, 0.074f}, 0);  // 8 x 0.009 = 0.072
     fade_large(cameras, 8, g);

@@ -23,10 +23,10 @@ VoxelBlocks<Cpu> sampled(float voxel_size, int edge, const std::function<double(
     blocks.places.resize(keys.size());
     reserve_places(blocks, static_cast<int>(keys.size()));
     for (int b = 0; b < blocks.size(); ++b) {
-        blocks.places[b] = blocks.size() - 1 - b;  // any order will do
+        blocks.places[b] = blocks.size() - 1 - b;  // any order is allowed
         for (int i = 0; i < kBlockVoxels; ++i) {
             const Vec3i block = block_of_key(keys[b]), local = local_of_index(i);
-            // In double: the table's counts hang on exact positions.
+            // In double, because the table's counts depend on exact positions.
             const auto at = [&](int p, int q) { return (p * kBlockEdge + q + 0.5) * voxel_size; };
             const Vec3d p{at(block.x, local.x), at(block.y, local.y), at(block.z, local.z)};
             voxel_at(std::as_const(blocks.chunk_table).span(), blocks.places[b], i) = {
@@ -66,7 +66,7 @@ class MarchingCubesSphere : public testing::TestWithParam<SphereCase> {};
 
 TEST_P(MarchingCubesSphere, SecondOrder) {
     const SphereCase expected = GetParam();
-    // Our voxel centres are at h (i + 0.5): move the sphere instead of the grid.
+    // Voxel centres are at h (i + 0.5), so the sphere moves instead of the grid.
     const double c = 1.5 + 0.13 * expected.h;
     const Vec3d centre{c, c, c};
     const int edge = static_cast<int>(std::ceil(3.0 / expected.h / kBlockEdge)) + 1;
@@ -94,7 +94,7 @@ TEST_P(MarchingCubesSphere, SecondOrder) {
     EXPECT_NEAR(std::sqrt(rms / n), expected.rms, 0.01 * expected.rms);
     EXPECT_NEAR(max, expected.max, 0.01 * expected.max);
     EXPECT_NEAR(area / (4 * M_PI) - 1, expected.area,
-                0.02 * std::abs(expected.area));  // faces depend on the case table
+                0.02 * std::abs(expected.area));  // the number of faces depends on the case table
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -105,7 +105,7 @@ INSTANTIATE_TEST_SUITE_P(
                     SphereCase{0.03125f, 19314, 38624, -4.04e-5, 5.13e-5, 1.21e-4, -3.06e-4}));
 
 TEST(MarchingCubes, RandomValuesGiveClosedSurfaces) {
-    // All cases next to all others, the ambiguous ones too; a shell of outside voxels closes the
+    // All cases next to each other, including ambiguous ones; a shell of outside voxels closes the
     // surface.
     const double edge = 3 * kBlockEdge;
     std::uint32_t state = 1;
@@ -134,14 +134,14 @@ TEST(MarchingCubes, UnseenCornersLeaveHoles) {
     EXPECT_EQ(marching_cubes(blocks).faces.size(), 2u * 7 * 7);
     voxel_at(voxels, 0, local_index({3, 3, 3})).weight = 0;  // four cells lose a corner
     EXPECT_EQ(marching_cubes(blocks).faces.size(), 2u * (7 * 7 - 4));
-    EXPECT_EQ(marching_cubes(blocks).vertices.size(), 63u);  // and the vertex in their middle
+    EXPECT_EQ(marching_cubes(blocks).vertices.size(), 63u);  // the vertex in their middle is lost
     EXPECT_TRUE(marching_cubes(blocks, 2).vertices.empty());
     EXPECT_TRUE(marching_cubes(VoxelBlocks<Cpu>{}).vertices.empty());
 }
 
 TEST(MarchingCubes, ZeroIsOutside) {
-    // Values exactly 0 on a layer of voxels: strictly below zero is inside, and vertices lie on the
-    // layer.
+    // Values of exactly 0 on a layer of voxels: only negative values are inside, and vertices lie
+    // on the layer.
     const TriangleMesh mesh = marching_cubes(sampled(1, 1, [](Vec3d p) { return p.z - 3.5; }));
     ASSERT_FALSE(mesh.vertices.empty());
     for (const Vec3f v : mesh.vertices) EXPECT_EQ(v.z, 3.5f);

@@ -31,7 +31,7 @@ TEST(MeshClean, KeepsTheLargest) {
     EXPECT_EQ(one.faces[0].x, 0);
     EXPECT_EQ(report.removed_faces, 189u);
 
-    // More than there are: at least 50 faces each all the same.
+    // More than exist: a component still needs 50 faces.
     TriangleMesh many = mesh;
     EXPECT_EQ(keep_largest_components(many, 50).kept_components, 3u);
     TriangleMesh all = mesh;
@@ -50,7 +50,7 @@ TEST(MeshClean, ASharedVertexDoesNotConnect) {
     mesh.vertices.resize(5);
     mesh.faces = {{0, 1, 2}, {2, 3, 4}};
     EXPECT_EQ(face_components(mesh), (std::vector<int>{0, 1}));
-    mesh.faces = {{0, 1, 2}, {2, 3, 4}, {3, 2, 1}};  // joins both
+    mesh.faces = {{0, 1, 2}, {2, 3, 4}, {3, 2, 1}};  // connects both
     EXPECT_EQ(face_components(mesh), (std::vector<int>{0, 0, 0}));
 }
 

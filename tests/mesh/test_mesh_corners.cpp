@@ -17,7 +17,7 @@
 namespace tvsgs {
 namespace {
 
-/// Result of `make` with so many threads.
+/// Result of `make` with a given number of threads.
 template <class Make>
 auto with_threads(int count, const Make& make) {
     const int threads = thread_count();
@@ -27,13 +27,13 @@ auto with_threads(int count, const Make& make) {
     return made;
 }
 
-/// Faces between vertices drawn at random: edges of any number of faces, repeated faces.
+/// Random faces: edges have any number of faces, and faces repeat.
 TriangleMesh tangle(int vertices, int faces, unsigned seed) {
     std::mt19937 random(seed);
     TriangleMesh mesh;
     for (int v = 0; v < vertices; ++v) mesh.vertices.push_back({float(v), float(v % 7), 0});
     while (static_cast<int>(mesh.faces.size()) < faces) {
-        // Mostly neighbours, so that edges meet.
+        // Mostly nearby vertices, so that faces share edges.
         const int a = static_cast<int>(random() % unsigned(vertices));
         const Vec3i face{a, (a + 1 + int(random() % 4)) % vertices,
                          (a + 5 + int(random() % 4)) % vertices};
@@ -42,7 +42,7 @@ TriangleMesh tangle(int vertices, int faces, unsigned seed) {
     return mesh;
 }
 
-/// Around a vertex that many faces.
+/// A vertex with many faces.
 TriangleMesh fan(int faces) {
     TriangleMesh mesh;
     mesh.vertices.resize(std::size_t(faces) + 1);
@@ -146,7 +146,7 @@ TEST(MeshCorners, ComponentsForAnyNumberOfThreads) {
     const TriangleMesh mesh = tangle(30000, 15000, 3);
     const std::vector<int> one = with_threads(1, [&] { return face_components(mesh); });
     EXPECT_EQ(one, with_threads(4, [&] { return face_components(mesh); }));
-    // By going from face to face.
+    // Reference: a search from face to face.
     std::map<std::pair<int, int>, std::vector<std::size_t>> at;
     for (std::size_t f = 0; f < mesh.faces.size(); ++f)
         for (int k = 0; k < 3; ++k) at[edge_of(mesh, f, k)].push_back(f);
@@ -208,7 +208,7 @@ TEST(FaceOrder, AscendingCodesTiesAsGiven) {
             const float cell = 1024 * (points[std::size_t(at)][axis] + 7) / 49;
             code |= spread_bits(std::uint64_t(std::min(cell, 1023.0f))) << axis;
         }
-        // The last bit of a cell may round either way.
+        // Rounding may move a point to the next cell.
         for (int axis = 0; axis < 3; ++axis) {
             const std::uint64_t mask = spread_bits(0x3ff) << axis;
             cells += (order.codes[i] & mask) == (code & mask);

@@ -1,4 +1,4 @@
-// What views say of a surface, and which components stay by it.
+// Tests the verdicts of views on a surface, and which components they keep.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ namespace {
 
 using namespace test;
 
-/// A view along +z of 100 x 100 pixels, all of one depth.
+/// A view along +z of 100 x 100 pixels with constant depth.
 EvidenceView level(float depth, float weight = kTrustedWeight) {
     EvidenceView view;
     view.camera = {100, 100, 100, 50, 50, 50, {}};
@@ -39,14 +39,15 @@ TEST(Verdict, SeesWithinThreePixels) {
 }
 
 TEST(Verdict, SlantedPixelsAreWider) {
-    // At 60 degrees twice as wide; of a surface seen edge-on ten times.
+    // At 60 degrees a pixel is twice as wide; of a surface seen edge-on ten times.
     const SurfaceSample slanted{{0, 0, 2}, {std::sqrt(3.0f), 0, -1}};
     EXPECT_EQ(judge(level(2.119f), slanted).verdict, Verdict::sees_surely);
     EXPECT_EQ(judge(level(2.121f), slanted).verdict, Verdict::looks_through);
     const SurfaceSample grazing{{0, 0, 2}, {1, 0, -0.001f}};
     EXPECT_EQ(judge(level(2.599f), grazing).verdict, Verdict::sees_surely);
     EXPECT_EQ(judge(level(2.601f), grazing).verdict, Verdict::looks_through);
-    // The ray counts, not the axis: at 45 degrees beside it, this one is seen from behind.
+    // The ray counts, not the optical axis: 45 degrees off the axis, this sample is seen from
+    // behind.
     const SurfaceSample aside{{0.9f, 0, 2}, {1, 0, -0.4f}};
     EXPECT_EQ(judge(level(2), aside).verdict, Verdict::nothing);
 }
@@ -89,9 +90,9 @@ TEST(Verdict, MasksCountWhereThereIsNoDepth) {
 }
 
 TEST(Verdict, PixelsAreThoseOfTheImage) {
-    // 100 x 50 of focal length: a square of 0.1 at depth 2 is 5 x 2.5 pixels.
+    // Focal lengths of 100 and 50: a square of side 0.1 at depth 2 covers 5 x 2.5 pixels.
     EXPECT_NEAR(judge(level(2), facing(2, 0.01f)).pixels, 12.5, 1e-4);
-    // As the image of a triangle off the axis has them, whatever its slant.
+    // Equals the image of a triangle off the axis, for any slant.
     const Vec3d p[3] = {{0.8, 0.5, 2}, {0.802, 0.5, 2.003}, {0.8, 0.503, 2.001}};
     const Vec3d n = cross(p[2] - p[0], p[1] - p[0]);
     const auto image = [](Vec3d q) { return Vec2<double>{100 * q.x / q.z, 50 * q.y / q.z}; };
@@ -116,11 +117,11 @@ TEST(Evidence, CountsViewsOfFacesAndVertices) {
     count_views(counted, source_of(views));
     ASSERT_EQ(counted.views.size(), wall.vertices.size());
     EXPECT_EQ(counted.views[4 * 9 + 4], 3);  // the middle
-    // Many views are as good as 255.
+    // Counts end at 255.
     const std::vector<EvidenceView> many(300, view_of(wall, {0, 0, 5}));
     count_views(counted, source_of(many));
     EXPECT_EQ(counted.views[4 * 9 + 4], 255);
-    // Vertices that go take their numbers with them.
+    // The numbers of removed vertices go, too.
     counted.views.assign(counted.views.size(), 1);
     counted.views.back() = 7;
     std::vector<char> last(wall.faces.size());
@@ -133,14 +134,15 @@ TEST(Evidence, CountsViewsOfFacesAndVertices) {
     EXPECT_TRUE(none.views.empty());
 }
 
-/// Faces of `mesh` that stay, with a reason to look at where a test fails.
+/// Number of faces of `mesh` that are kept; logs the report if a test fails.
 std::size_t faces_left(TriangleMesh mesh, const std::vector<EvidenceView>& views) {
     keep_seen_components(mesh, source_of(views));
     return mesh.faces.size();
 }
 
 TEST(Components, AFloatingSheetGoesHoweverLarge) {
-    // View 0 sees it, as its splats do; the others look through it, at the wall.
+    // View 0 sees the floating sheet, because its splats show it; the others look through it at the
+    // wall.
     const TriangleMesh wall = sheet(0, 0, 0, 3, 10), floating = sheet(-0.5, 0, 2, 1, 40);
     TriangleMesh mesh = joined({wall, floating});
     ASSERT_GT(floating.faces.size(), 10 * wall.faces.size());
@@ -153,11 +155,11 @@ TEST(Components, AFloatingSheetGoesHoweverLarge) {
     EXPECT_EQ(report.lonely, 0u);
     EXPECT_EQ(mesh.faces.size(), wall.faces.size());
     EXPECT_EQ(mesh.vertices.size(), wall.vertices.size());
-    // With a second view that sees it, one against two is still too many.
+    // A second view that sees it is not enough: one view of two still looks through.
     const TriangleMesh both = joined({wall, floating});
     views[1] = view_of(both, kEyes[1]);
     EXPECT_EQ(faces_left(both, views), wall.faces.size());
-    // But not one against three, as of a rod that is too thin for one of many views.
+    // Three views that see it outweigh one, as for a rod that is too thin for one of many views.
     views.push_back(view_of(both, {0.2, 0, 5}));
     EXPECT_EQ(faces_left(both, views), both.faces.size());
     views.push_back(views[2]), views[4].weight.assign(views[4].weight.size(), kDoubtedWeight);
@@ -167,7 +169,7 @@ TEST(Components, AFloatingSheetGoesHoweverLarge) {
 }
 
 TEST(Components, AQuarterMayBeLookedThrough) {
-    // The other views see the sheet but for its left margin.
+    // The other views see the sheet without its left margin.
     const TriangleMesh wall = sheet(0, 0, 0, 3, 10), whole = sheet(0, 0, 1, 1, 40);
     const auto kept = [&](double missing) {
         const TriangleMesh less = [&] {
@@ -187,7 +189,7 @@ TEST(Components, AQuarterMayBeLookedThrough) {
 }
 
 TEST(Components, ABoltStaysACrumbBehindGoes) {
-    // 20 faces that cover 30 pixels, before the wall; behind it 800 that nobody sees.
+    // 20 faces that cover 30 pixels, in front of the wall; behind it 800 faces that no view sees.
     const TriangleMesh wall = sheet(0, 0, 0, 3, 10);
     const double side = std::sqrt(30.0) * 4.8 / 200;
     TriangleMesh bolt;  // 2 x 5 squares
@@ -207,7 +209,7 @@ TEST(Components, ABoltStaysACrumbBehindGoes) {
     EXPECT_EQ(report.kept_components, 2u);
     EXPECT_EQ(report.peeled_faces, crumb.faces.size());
     EXPECT_EQ(mesh.faces.size(), seen.faces.size());
-    // Half as wide it is too small for any view.
+    // At half the width it is too small in every view.
     TriangleMesh tiny = bolt;
     for (Vec3f& p : tiny.vertices) p.x *= 0.5f;
     const TriangleMesh with_tiny = joined({wall, tiny});
@@ -215,7 +217,7 @@ TEST(Components, ABoltStaysACrumbBehindGoes) {
 }
 
 TEST(Components, ThinRodsStay) {
-    // A pixel and a half wide, before a wall and before nothing.
+    // A rod one and a half pixels wide, in front of a wall and in front of nothing.
     const double w = 1.5 * 4 / 200;
     const TriangleMesh wall = sheet(0.6, 0, 0, 1.2, 4);
     const TriangleMesh rod = box({-1.2, 0.1, 1 - w}, {1.2, 0.1 + w, 1}, 30);
@@ -225,13 +227,14 @@ TEST(Components, ThinRodsStay) {
     EXPECT_GT(top, wall.faces.size() + 30 * 30);
     const EvidenceReport report = keep_seen_components(mesh, source_of(views));
     EXPECT_EQ(report.looked_through + report.lonely, 0u);
-    // Far away it is a fifth of a pixel: one view that misses it does not undo what three saw.
+    // From far away it is a fifth of a pixel wide: one view that misses it does not outweigh three
+    // that see it.
     views.push_back(view_of(joined({wall, rod}), {0, 0, 30}));
     EXPECT_GT(faces_left(joined({wall, rod}), views), wall.faces.size() + 30 * 30);
 }
 
 TEST(Components, OfAMirrorsImagesTheFarthestIsLeft) {
-    // Each view sees the image at another depth; none sees what two do.
+    // Each view sees the reflection at another depth; no two views agree.
     const TriangleMesh wall = sheet(0, 0, 0, 1, 10);
     std::vector<TriangleMesh> images;
     TriangleMesh mesh = wall;
@@ -251,7 +254,7 @@ TEST(Components, OneViewIsEnoughWhereNoOtherLooks) {
     const TriangleMesh wall = sheet(0, 0, 0, 2, 10), aside = sheet(3.2, 0, 0, 0.6, 10);
     const TriangleMesh scene = joined({wall, aside});
     const auto views = [&](bool trusted) {
-        // The last one looks past the wall.
+        // The last view looks past the wall.
         std::vector<EvidenceView> all{view_of(wall, {0, 0, 5}), view_of(wall, {0.2, 0, 5})};
         EvidenceView other = view_of(scene, {0, 0, 5}, trusted);
         other.camera.camera_from_world.t.x -= 3.2f;
@@ -261,11 +264,11 @@ TEST(Components, OneViewIsEnoughWhereNoOtherLooks) {
     };
     EXPECT_EQ(faces_left(scene, views(true)), scene.faces.size());
     EXPECT_EQ(faces_left(scene, views(false)), wall.faces.size()) << "not of doubted pixels";
-    // Two that doubt are as good as one that does not.
+    // Two views without trusted pixels are as good as one with them.
     std::vector<EvidenceView> two = views(false);
     two.push_back(two.back());
     EXPECT_EQ(faces_left(scene, two), scene.faces.size());
-    // Nor where another could see it, and sees a part: 10 pixels of it, and 20 of what is behind.
+    // A second view that sees only a part: 10 pixels of it, and 20 pixels of the surface behind.
     std::vector<EvidenceView> other = views(true);
     other.push_back(other.back());
     for (float& depth : other.back().depth) depth += 1;
@@ -273,7 +276,7 @@ TEST(Components, OneViewIsEnoughWhereNoOtherLooks) {
 }
 
 TEST(Components, OneViewIsNotEnoughWhereAnotherCouldSee) {
-    // 5 x 5 pixels. The other view sees 19 of them, and looks through less than a quarter.
+    // 5 x 5 pixels. The other view sees 19 of them and looks through less than a quarter.
     TriangleMesh patch;
     add_patch(patch, 5, [](double u, double v) { return Vec3d{0.1 * v, 0.2 * u, 2}; });
     const EvidenceView whole = level(2);
@@ -290,7 +293,7 @@ TEST(Components, OneViewIsNotEnoughWhereAnotherCouldSee) {
 }
 
 TEST(Components, PeelsOffWhatNoViewSeesFromTheRims) {
-    // The wall goes on where the scene's does not, and has a patch inside that no view knows.
+    // The mesh's wall is larger than the scene's, and has a patch inside that no view sees.
     const TriangleMesh wall = sheet(0, 0, 0, 2, 20);
     TriangleMesh wide;
     add_patch(wide, 30, [](double u, double v) {

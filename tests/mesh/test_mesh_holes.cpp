@@ -1,4 +1,4 @@
-// Small holes are closed where no view contradicts, and nothing else is.
+// Tests that small holes are closed unless a view contradicts, and nothing else is.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -32,7 +32,7 @@ double area_of(const std::vector<Vec3d>& points, const std::vector<Vec3i>& faces
     return sum;
 }
 
-/// Of all ways to cut points i to j into triangles.
+/// Least area over all triangulations of points i to j.
 double least_by_trying(const HoleRim& rim, int i, int j) {
     if (j < i + 2) return 0;
     const int n = static_cast<int>(rim.points.size());
@@ -78,7 +78,7 @@ TEST(Patch, HasTheLeastArea) {
 }
 
 TEST(Patch, HasFacesAsLargeAsTheLoopsEdges) {
-    // An L of unit edges, 20 x 20 less 10 x 10.
+    // An L-shaped loop of unit edges: 20 x 20 without 10 x 10.
     std::vector<Vec3d> loop;
     Vec3d at{0, 0, 0};
     for (const auto& [x, y, n] :
@@ -97,7 +97,7 @@ TEST(Patch, HasFacesAsLargeAsTheLoopsEdges) {
     EXPECT_TRUE(t.sound);
     EXPECT_EQ(t.euler, 1);
     EXPECT_EQ(t.rim_edges, static_cast<int>(loop.size()));
-    // Equilateral ones would be 693.
+    // Equilateral faces would be 693.
     EXPECT_GT(patch.faces.size(), 400u);
     EXPECT_LT(patch.faces.size(), 1100u);
     double longest = 0;
@@ -109,7 +109,7 @@ TEST(Patch, HasFacesAsLargeAsTheLoopsEdges) {
 }
 
 TEST(Patch, HasNoEdgeThatMayNotBe) {
-    // Of a rhombus the long diagonal, though the short one makes better faces.
+    // The long diagonal of a rhombus is tested, although the short one gives better faces.
     HoleRim rim = alone({{0, -0.3, 0}, {1, 0, 0}, {0, 0.3, 0}, {-1, 0, 0}});
     const auto has_short = [&](const std::vector<Vec3i>& faces) {
         bool found = false;
@@ -123,13 +123,13 @@ TEST(Patch, HasNoEdgeThatMayNotBe) {
     EXPECT_FALSE(has_short(make_patch(rim).faces));
 }
 
-/// A unit ball whose faces are about 0.03 wide; of these those within `angle` of +z are gone.
+/// A unit ball with faces about 0.03 wide, without the faces within `angle` of +z.
 TriangleMesh open_ball(double angle) {
     const float least = static_cast<float>(std::cos(angle));
     return without(welded(ball({0, 0, 0}, 1, 50)), [&](Vec3f p) { return p.z / norm(p) > least; });
 }
 
-/// Cameras without pictures: nothing is known.
+/// Views without depth.
 std::vector<EvidenceView> blind(std::initializer_list<Vec3d> centres) {
     std::vector<EvidenceView> views;
     for (const Vec3d centre : centres) {
@@ -149,7 +149,7 @@ HoleReport close(TriangleMesh& mesh, const std::vector<EvidenceView>& views, flo
 TEST(Holes, OfABallAreClosedUpToTheBound) {
     const TriangleMesh whole = open_ball(0);
     ASSERT_EQ(topology(whole).euler, 2);
-    // From 5 a pixel at +z is 4/200 wide, so that this hole has about 14 of them across.
+    // From distance 5 a pixel at +z is 4/200 wide, so this hole has a diameter of about 14 pixels.
     const TriangleMesh open = open_ball(0.14);
     const std::vector<EvidenceView> views = blind({{0, 0.01, 5}, {9, 0, 1}});
     TriangleMesh mesh = open;
@@ -164,7 +164,7 @@ TEST(Holes, OfABallAreClosedUpToTheBound) {
     EXPECT_EQ(t.euler, 2);
     EXPECT_EQ(t.rim_edges, 0);
     EXPECT_NEAR(volume(mesh), volume(whole), 2e-5 * volume(whole));
-    // It goes on as the ball does: a flat lid would be 0.01 below it.
+    // The filling continues the ball: a flat one would be 0.01 below it.
     for (const Vec3f p : mesh.vertices) EXPECT_NEAR(norm(p), 1, 1.5e-3);
     const double share = double(mesh.faces.size() - open.faces.size()) /
                          double(whole.faces.size() - open.faces.size());
@@ -184,7 +184,7 @@ TEST(Holes, TheNearestCameraSaysHowWideAPixelIs) {
     EXPECT_EQ(close(mesh, blind({{0, 0.01, 9}}), 8.5f).closed, 1u) << "7 pixels";
     mesh = open;
     EXPECT_EQ(close(mesh, blind({{0, 0.01, 9}, {0, 0.01, 5}}), 8.5f).closed, 0u);
-    // One that is near, but has only a corner of the hole in its image.
+    // A near camera that has only a corner of the hole in its image.
     const TriangleMesh wall = without(sheet(0, 0, 0, 2, 80), [](Vec3f p) {
         return p.x > 0.05f && p.x < 0.2f && p.y > 0.05f && p.y < 0.2f;
     });
@@ -195,7 +195,7 @@ TEST(Holes, TheNearestCameraSaysHowWideAPixelIs) {
 }
 
 TEST(Holes, HaveAtMostSoManyEdges) {
-    // Along a seam of tiny faces; the loop is small but long.
+    // A seam of tiny faces: the loop is small but has many edges.
     TriangleMesh fine;
     add_patch(fine, 40, [](double u, double v) {
         return Vec3d{0.1 * u - 0.05, 0.1 * v - 0.05, 0};
@@ -211,7 +211,7 @@ TEST(Holes, HaveAtMostSoManyEdges) {
     }
 }
 
-/// A wall of 2 x 2 with a square hole in it, `side` wide, about the origin.
+/// A wall of 2 x 2 with a square hole of side `side` at the origin.
 TriangleMesh wall_with_hole(double side) {
     return without(sheet(0, 0, 0, 2, 80),
                    [&](Vec3f p) { return std::abs(p.x) < side / 2 && std::abs(p.y) < side / 2; });
@@ -237,11 +237,11 @@ TEST(Holes, ThroughWhichAViewLooksStayOpen) {
     EXPECT_FALSE(closed(one)) << "one is enough";
     one[1].weight.assign(one[1].weight.size(), kDoubtedWeight);
     EXPECT_FALSE(closed(one)) << "what is doubted would still be hidden";
-    // A single pixel that sees what is behind.
+    // One pixel sees the background.
     std::vector<EvidenceView> pixel = views_of(whole);
     pixel[0].depth[100 * 200 + 100] += 0.7f;
     EXPECT_FALSE(closed(pixel));
-    // Wherever it is, also in faces that are many pixels wide.
+    // Anywhere in the filling, also in faces that are many pixels wide.
     const TriangleMesh coarse = without(sheet(0, 0, 0, 2, 8), [](Vec3f p) {
         return p.x > 0 && p.x < 0.25f && p.y > 0 && p.y < 0.25f;
     });
@@ -262,7 +262,7 @@ TEST(Holes, ThroughWhichAViewLooksStayOpen) {
             ++tried;
         }
     EXPECT_GT(tried, 15u);
-    // What is in front says nothing, nor does a view without depth, unless its mask does.
+    // Surfaces in front say nothing, nor does a view without depth, unless its mask does.
     EXPECT_TRUE(closed(views_of(joined({wall, sheet(0, 0, 0.6, 1.5, 4)}))));
     EXPECT_TRUE(closed(views_of(wall)));
     std::vector<EvidenceView> masked = views_of(wall);
@@ -338,7 +338,7 @@ TEST(Holes, OfATorusLeaveItsGenus) {
     EXPECT_NEAR(volume(mesh), whole, 1e-3 * whole);
 }
 
-/// A level grid of 20 x 20 squares, 0.02 wide, without those of which `gone` says so.
+/// A horizontal grid of 20 x 20 squares of 0.02, without those for which `gone`.
 TriangleMesh grid(const std::function<bool(int, int)>& gone) {
     return without(sheet(0, 0, 0, 0.4, 20), [&](Vec3f p) {
         return gone(static_cast<int>(std::floor((p.x + 0.2f) / 0.02f)),
@@ -350,7 +350,7 @@ TEST(Holes, ThatTouchAreClosedOneByOne) {
     const std::vector<EvidenceView> views = blind({{0, 0.01, 5}});
     const auto check = [&](TriangleMesh mesh, std::size_t holes, const char* what) {
         const double whole = 0.16;
-        // The sheet's own rim is too wide.
+        // The sheet's own boundary is too large.
         const HoleReport report = close(mesh, views, 17);
         EXPECT_EQ(report.loops, holes + 1) << what;
         EXPECT_EQ(report.closed, holes) << what;
@@ -364,7 +364,7 @@ TEST(Holes, ThatTouchAreClosedOneByOne) {
               return (i >= 5 && i < 8 && j >= 5 && j < 8) || (i >= 8 && i < 11 && j >= 8 && j < 11);
           }),
           2, "at a corner");
-    // Between them is an island that hangs on by two corners.
+    // Between them is an island that is attached by two corners.
     check(grid([](int i, int j) {
               const bool hole = i >= 5 && i < 11 && j >= 5 && j < 11;
               return hole && !(i == j);
@@ -398,7 +398,7 @@ TEST(Holes, NoEdgeIsMadeTwice) {
     ASSERT_TRUE(topology(flap).sound);
     EXPECT_EQ(close(flap, views, 17).closed, 1u);
     EXPECT_TRUE(topology(flap).sound);
-    // Two holes with an arch between them, under which both would have the same edge.
+    // Two holes with an arch between them; fillings would use the same edge below it.
     TriangleMesh arch =
         grid([](int i, int j) { return i >= 5 && i < 8 && j >= 5 && j < 8 && i + j != 12; });
     arch.vertices[std::size_t(vertex(arch, 6, 6))].z = 0.05f;
@@ -440,7 +440,7 @@ TEST(Holes, OddInput) {
     EXPECT_EQ(close(none, blind({{0, 0, 5}}), 10).loops, 0u);
     TriangleMesh closed = welded(ball({0, 0, 0}, 0.2, 6));
     EXPECT_EQ(close(closed, blind({{0, 0, 5}}), 10).loops, 0u);
-    // A face turned against its neighbours beside a hole: what its rims form is no loop.
+    // A face with the opposite orientation beside a hole: its boundary edges form no loop.
     TriangleMesh turned = grid([](int i, int j) { return i == 5 && j == 5; });
     for (Vec3i& f : turned.faces) {
         const Vec3f p = (turned.vertices[std::size_t(f.x)] + turned.vertices[std::size_t(f.y)] +

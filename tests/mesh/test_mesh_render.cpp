@@ -17,7 +17,7 @@ Camera test_camera(int width = 64, int height = 48) {
     return camera;
 }
 
-/// Two triangles that make the plane n.p = distance of the camera frame, larger than the image.
+/// Two triangles that cover the plane n.p = distance of the camera frame beyond the image.
 TriangleMesh plane(const Camera& camera, Vec3f n, float distance) {
     const Rigid3f world_from_camera = inverse(camera.camera_from_world);
     TriangleMesh mesh;
@@ -64,8 +64,8 @@ TEST(MeshRender, NearestSurfaceWinsInAnyOrder) {
 }
 
 TEST(MeshRender, SurfaceThroughTheCameraPlaneIsCutThere) {
-    // The ground below a level camera, reaching behind it: one triangle that no projection can
-    // draw.
+    // The ground below a horizontal camera that reaches behind it: one triangle that cannot be
+    // projected.
     Camera camera = test_camera();
     camera.camera_from_world = {};
     TriangleMesh ground;

@@ -1,4 +1,4 @@
-// Roughness comes off, within its bound; creases and rims stay.
+// Smoothing removes roughness within its bound and keeps creases and boundaries.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ namespace {
 
 using namespace test;
 
-// A pixel is as wide as 0.02 at the origin.
+// A pixel at the origin is 0.02 wide.
 const std::vector<Camera> kCameras = all_around(10, 500);
 constexpr double kPixel = 0.02;
 
@@ -27,7 +27,7 @@ TriangleMesh roughened(TriangleMesh mesh, double deviation) {
     return mesh;
 }
 
-/// Root of the mean square of off(p) where it is finite.
+/// Root mean square of off(p) where it is finite.
 template <class Off>
 double roughness(const TriangleMesh& mesh, const Off& off) {
     double sum = 0, count = 0;
@@ -79,7 +79,7 @@ TEST(Smooth, LeavesRims) {
     TriangleMesh sheet = square({-0.5, -0.5, 0}, 1, 40);
     const auto off = noise(2);
     for (Vec3f& p : sheet.vertices) p.z = float(0.2 * kPixel * off());
-    std::swap(sheet.faces[0].y, sheet.faces[0].z);  // the other way round
+    std::swap(sheet.faces[0].y, sheet.faces[0].z);  // the opposite orientation
     TriangleMesh mesh = sheet;
     EXPECT_EQ(smooth_surface(mesh, kCameras, 1), 39u * 39u);
     for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
@@ -129,13 +129,13 @@ TEST(Smooth, LeavesEdgesOfFourFaces) {
 }
 
 TEST(Smooth, KeepsARodsRadius) {
-    // Six pixels thick, of edges of a pixel.
+    // Six pixels thick, with edges of one pixel.
     const double radius = 3 * kPixel;
     TriangleMesh rod;
     add_patch(rod, 48, [&](double u, double v) {
         return Vec3d{radius * std::cos(2 * M_PI * u), radius * std::sin(2 * M_PI * u), v - 0.5};
     });
-    for (Vec3f& p : rod.vertices)  // the seam, to be welded
+    for (Vec3f& p : rod.vertices)  // the seam, to be merged
         if (std::abs(p.y) < 1e-7f) p.y = 0;
     rod = weld(rod);
     const auto off = [&](Vec3d p) {
@@ -171,7 +171,7 @@ TEST(Smooth, WhatIsNoSurfaceStays) {
     EXPECT_EQ(smooth_surface(mesh, kCameras, 0), 0u);
     EXPECT_EQ(smooth_surface(mesh, {}, 1), 0u) << "no view, no pixel";
     EXPECT_TRUE(same_bytes(mesh, rough));
-    // Isolated vertices, a corner twice, three faces at an edge, no numbers.
+    // Isolated vertices, a repeated corner, three faces at an edge, NaN.
     TriangleMesh odd = rough;
     const int first = static_cast<int>(odd.vertices.size());
     odd.vertices.push_back({0.1f, 0.2f, 0.3f});
@@ -192,7 +192,7 @@ TEST(Smooth, WhatIsNoSurfaceStays) {
 }
 
 TEST(Smooth, NoFaceIsTurnedOver) {
-    // Noise as large as the edges are long: many would be.
+    // Noise as large as the edges: many faces would flip.
     const TriangleMesh rough = roughened(weld(ball({}, 0.5, 30)), 0.6 * kPixel);
     TriangleMesh mesh = rough;
     EXPECT_GT(smooth_surface(mesh, kCameras, 2), 100u);

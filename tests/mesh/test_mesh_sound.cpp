@@ -1,4 +1,4 @@
-// Meshes are made sound before they are mended.
+// Tests the repair of meshes before later steps.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -41,7 +41,7 @@ TEST(Sound, SheetsThatShareAnEdgeGetTheirOwn) {
     const double before = area(wings);
     const SoundReport report = make_sound(wings);
     EXPECT_EQ(report.dropped_faces, 0u);
-    EXPECT_EQ(report.split_vertices, 10u);  // five on the axis, for two more wings
+    EXPECT_EQ(report.split_vertices, 10u);  // five on the axis, for each of the two other wings
     EXPECT_TRUE(topology(wings).sound);
     EXPECT_EQ(topology(wings).euler, 3);
     ASSERT_EQ(wings.colors.size(), wings.vertices.size());
@@ -50,7 +50,7 @@ TEST(Sound, SheetsThatShareAnEdgeGetTheirOwn) {
 }
 
 TEST(Sound, SheetsThatHangTogetherAtOneEndGetTheirOwn) {
-    // Four faces at an edge, of which each end joins two and two, but not the same ones.
+    // Four faces at an edge; each end of the edge connects them in pairs, but in different pairs.
     TriangleMesh mesh{
         {{0, 0, 0}, {0, 0, 1}, {1, 0, 0.5f}, {0, 1, 0.5f}, {-1, 0, 0.5f}, {0, -1, 0.5f}},
         {},
@@ -70,9 +70,11 @@ TEST(Sound, FacesWithoutAreaGo) {
     TriangleMesh mesh = sheet(0, 0, 0, 1, 4);
     const std::size_t faces = mesh.faces.size();
     const Topology before = topology(mesh);
-    // A vertex in the place of another: the faces between them have no area, the others are joined.
+    // Two vertices at one position: the faces between them have no area, the others become
+    // connected.
     mesh.vertices[13] = mesh.vertices[12];
-    // A face twice, turned round; a corner twice; a corner that is nowhere; three in a line.
+    // A repeated face with reversed order; a repeated corner; a corner that is not finite; three
+    // collinear corners.
     mesh.faces.push_back({mesh.faces[3].y, mesh.faces[3].x, mesh.faces[3].z});
     mesh.faces.push_back({0, 0, 1});
     mesh.vertices.push_back({0, std::numeric_limits<float>::quiet_NaN(), 0});

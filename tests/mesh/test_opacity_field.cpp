@@ -1,5 +1,5 @@
-// The opacity field against its definition: the largest alpha on the way to a point, searched for
-// in double, and the product over all splats.
+// Checks the opacity field against its definition: the largest alpha on the way to a point,
+// searched in double, and the product over all splats.
 #include <gtest/gtest.h>
 
 #include "mesh/splat_surfaces.h"
@@ -20,8 +20,8 @@ double distance2(const Mat3<double>& R, Vec3d s, Vec3d mean, Vec3d x) {
     return q;
 }
 
-/// The largest density on the segment from the origin to z ray: the segment is cut up ever more
-/// finely about the nearest of a thousand points.
+/// The largest density on the segment from the origin to z ray: refines around the best of a
+/// thousand points.
 double largest_density(const Mat3<double>& R, Vec3d s, Vec3d mean, Vec3d ray, double z) {
     double low = 0, high = z, least = INFINITY;
     for (int round = 0; round < 6; ++round) {
@@ -43,12 +43,13 @@ void check_alpha(double tolerance) {
     int cut = 0, in_front = 0, behind = 0;
     for (int i = 0; i < 300; ++i) {
         const Mat3<double> R = rotation(normalize(random.quat()));
-        // Round ones, surfels of a thousandth and disks of a millionth; the last pass the camera.
+        // Round splats, surfels of a thousandth and disks of a millionth; the last ones pass the
+        // camera.
         Vec3d s = std::exp(random.uniform(-4, -1)) * Vec3d{1, random.uniform(0.3, 1), 1};
         s.z *= std::array{0.5, 1e-3, 1e-4}[static_cast<std::size_t>(i % 3)];
         const Vec3d mean{random.uniform(-1, 1), random.uniform(-1, 1),
                          i % 7 ? random.uniform(1, 3) : random.uniform(-0.2, 0.2)};
-        // A ray that passes near by, and points before, in and behind the splat.
+        // A ray that passes nearby, and points in front of, inside and behind the splat.
         Vec3d target = mean + R * (s * random.normal3());
         target.z = std::abs(target.z) + 0.01;
         const Vec3d ray = target / target.z;
@@ -61,7 +62,7 @@ void check_alpha(double tolerance) {
                                                  vec_cast<Real>(mean), static_cast<Real>(opacity));
         const double found = alpha_up_to(g, vec_cast<Real>(ray), static_cast<Real>(z));
         if (std::abs(alpha - kMinAlpha) < 1e-4) continue;  // on the cut
-        // How far a rounding of the point's depth alone goes, in deviations.
+        // Effect of rounding the point's depth, in standard deviations.
         const double reach = sizeof(Real) == 4 ? 3e-7 * z / std::min({s.x, s.y, s.z}) : 0;
         EXPECT_NEAR(found, expected, tolerance + reach) << i;
         cut += expected == 0, in_front += z < target.z && expected > 0,
@@ -78,14 +79,15 @@ TEST(AlphaUpTo, IsTheLargestOnTheWay) {
 }
 
 TEST(AlphaUpTo, ByHand) {
-    // A ball of deviation 0.1 at depth 2 on the optical axis.
+    // A round splat of deviation 0.1 at depth 2 on the optical axis.
     const Mat3<double> one = mat_cast<double>(Mat3f{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}});
     const auto g = ray_gaussian<double>(one, {0.1, 0.1, 0.1}, {0, 0, 2}, 1);
     EXPECT_NEAR(alpha_up_to(g, {0, 0, 1}, 1.9), std::exp(-0.5), 1e-12);  // a deviation in front
     EXPECT_NEAR(alpha_up_to(g, {0, 0, 1}, 1.85), std::exp(-1.125), 1e-12);
     EXPECT_EQ(alpha_up_to(g, {0, 0, 1}, 2.5), static_cast<double>(kMaxAlpha));  // through it
     EXPECT_EQ(alpha_up_to(g, {0, 0, 1}, 1.6), 0);                               // exp(-8) < 1 / 255
-    // Beside it: the ray through (0.1, 0, 2) passes at 0.1 cos of its angle.
+    // Beside the axis: the ray through (0.1, 0, 2) passes at a distance of 0.1 times the cosine of
+    // its angle.
     EXPECT_NEAR(alpha_up_to(g, {0.05, 0, 1}, 3.0), std::exp(-0.5 / (1 + 0.0025)), 1e-12);
 }
 
@@ -118,13 +120,13 @@ TEST(EllipsoidImage, IsTheOutlineOfTheEllipsoid) {
             left = std::max(left, -x), top = std::max(top, -y);
             depth = std::max(depth, mean.z - p.z);
         }
-        EXPECT_LE(most, 1 + 1e-6) << i;  // all inside, and some at its rim all around
+        EXPECT_LE(most, 1 + 1e-6) << i;  // all inside, and some on its boundary all around
         EXPECT_GT(most, 0.99) << i;
         EXPECT_NEAR(left / std::sqrt(image.shape.xx), 1, 0.02) << i;
         EXPECT_NEAR(top / std::sqrt(image.shape.yy), 1, 0.02) << i;
         EXPECT_NEAR(depth / image.half_depth, 1, 0.02) << i;
     }
-    // Behind the camera's plane in part.
+    // Partly behind the camera's plane.
     EXPECT_FALSE(ellipsoid_image<double>(camera, mat_cast<double>(camera.camera_from_world.R),
                                          {0.1, 0.1, 1}, {0, 0, 1}, 4)
                      .bounded);
@@ -141,8 +143,7 @@ TEST(Sight, TwoViewsOfThreeHaveToSeeThrough) {
     EXPECT_FALSE(is_free({3, 0}, 1));
 }
 
-/// The light that gets to each view that has the point in its image, by definition: over all
-/// splats.
+/// Transmittance to each view whose image contains the point, by definition over all splats.
 std::vector<double> brute_light(
     const Gaussians<Cpu>& g, const std::vector<View>& views, bool masks, double near, Vec3f point) {
     std::vector<double> light;
@@ -185,7 +186,7 @@ std::vector<double> brute_light(
     return light;
 }
 
-/// Splats of all shapes and three views; the second has a mask.
+/// Splats of all shapes and three views; the second view has a mask.
 struct Field {
     Gaussians<Cpu> gaussians = test::random_gaussians(400, 5, 0.08);
     std::vector<View> views;
@@ -217,7 +218,7 @@ std::vector<Sight> seen(const Gaussians<Cpu>& g,
     return to_host(sights);
 }
 
-/// Each view alone, then all together.
+/// Checks each view alone, then all together.
 void expect_definition(const Field& field, bool masks, float near) {
     std::vector<int> views(field.points.size(), 0), clear(field.points.size(), 0);
     std::vector<bool> close(field.points.size(), false);
@@ -231,7 +232,8 @@ void expect_definition(const Field& field, bool masks, float near) {
             ASSERT_EQ(found[i].views, static_cast<int>(light.size())) << i;
             views[i] += found[i].views, clear[i] += found[i].clear;
             if (light.empty()) continue;
-            // A splat on its cut in one and not in the other changes the light by 1 / 255 of it.
+            // A splat at its cut-off in one implementation alone changes the transmittance by 1 /
+            // 255.
             close[i] = close[i] || std::abs(light[0] - 0.5) < 0.004;
             EXPECT_TRUE(close[i] || found[i].clear == (light[0] > 0.5)) << i << ' ' << light[0];
             ++visible, hidden += light[0] < 0.5;
@@ -252,7 +254,7 @@ void expect_definition(const Field& field, bool masks, float near) {
 TEST(OpacityField, IsTheProductOverAllSplats) {
     Field field;
     expect_definition(field, true, 0.2f);
-    expect_definition(field, false, 2);  // the mask is no matter, much lies before the near plane
+    expect_definition(field, false, 2);  // without masks; much lies in front of the near plane
     field.gaussians.filter.resize(400);
     Random random(4);
     for (float& f : field.gaussians.filter.span()) f = static_cast<float>(random.uniform(0, 0.05));
@@ -260,7 +262,7 @@ TEST(OpacityField, IsTheProductOverAllSplats) {
 }
 
 TEST(OpacityField, SplatsBelowAPixelHideWhatIsBehind) {
-    // At all places about the border of two tiles, also beside the pixels' centres.
+    // At all positions around the border of two tiles, also off the pixels' centres.
     View view = test::view_from({0, 0, 3}, 64);
     const std::vector<View> views{view};
     for (int i = 0; i <= 40; ++i) {
@@ -306,11 +308,11 @@ TEST(OpacityField, NoSplatsNoViewsNoPoints) {
     const std::vector<View> views = test::views_around(3, 16);
     const Sight sight = seen(none, {views, true, 0.2f, 2}, {{0, 0, 0}})[0];
     EXPECT_EQ(sight.views, 2);
-    EXPECT_EQ(sight.clear, 2);  // and no more, as that is enough
+    EXPECT_EQ(sight.clear, 2);  // and no more, because this decides
     EXPECT_TRUE(seen(none, {views, true, 0.2f, 2}, {}).empty());
     const std::vector<View> nobody;
     EXPECT_EQ(seen(none, {nobody, true, 0.2f, 2}, {{0, 0, 0}})[0].views, 0);
-    // Neither places that are none.
+    // Non-finite points are in no image.
     EXPECT_EQ(
         seen(none, {views, true, 0.2f, 2}, {{std::nanf(""), 0, 0}, {INFINITY, 0, 0}})[1].views, 0);
 }
@@ -341,7 +343,7 @@ TEST(OpacityFieldTwin, SameSights) {
         see_points(splats, views, to_device<Cuda>(field.points), sights);
         const auto found = to_host(sights);
         ASSERT_EQ(found.size(), expected.size());
-        int differing = 0;  // on the brink
+        int differing = 0;  // near the threshold
         for (std::size_t i = 0; i < found.size(); ++i)
             differing += is_free(found[i], 2) != is_free(expected[i], 2);
         EXPECT_LE(differing, 3);
@@ -360,7 +362,7 @@ TEST(OpacityFieldTwin, SameSights) {
         find_crossings(field_splats(field.gaussians), views, 8, a, b);
         find_crossings(splats, views, 8, c, d);
         const auto on_gpu = to_host(c);
-        int elsewhere = 0;  // at a step that fell on the zero by rounding
+        int elsewhere = 0;  // where rounding decided a step
         for (std::size_t i = 0; i < on_gpu.size(); ++i) elsewhere += norm(on_gpu[i] - a[i]) > 1e-5f;
         EXPECT_LE(elsewhere, static_cast<int>(on_gpu.size() / 50));
     }

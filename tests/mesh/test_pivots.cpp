@@ -1,4 +1,4 @@
-// The points that tetrahedra are made between.
+// Tests the points of the tetrahedra.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -52,7 +52,7 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
     DepthRules rules;
     rules.depth_max = 10;
     const auto footprints = pixel_footprints(splats, field, rules);
-    EXPECT_FLOAT_EQ(footprints[0], 2.0f / 100);  // of the nearer view
+    EXPECT_FLOAT_EQ(footprints[0], 2.0f / 100);  // of the nearest view
     EXPECT_FLOAT_EQ(footprints[1], 2.2f / 100);
     EXPECT_EQ(footprints[2], 0);
     auto found = some_pivots(splats, footprints, PivotKind::pivots, 1, 100);
@@ -72,13 +72,13 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
 
     EXPECT_FALSE(some_pivots(splats, footprints, PivotKind::pivots, 1, 3));
 
-    // Smaller than a pixel: its two points still count as neighbours.
+    // Smaller than a pixel: its two points are still neighbours.
     splats.scales[1] = {1e-4f, 1e-4f, 1e-5f};
     found = some_pivots(splats, footprints, PivotKind::pivots, 1, 100);
     for (std::size_t i = 0; i < 4; ++i)
         EXPECT_NEAR(found->radii[i], found->splats[i] == 1 ? 3 * 0.022 / 4 : 0.6, 1e-3);
 
-    // As published: also of faint ones.
+    // As published: faint splats get points, too.
     splats.opacities[0] = 0.1f;
     EXPECT_EQ(some_pivots(splats, footprints, PivotKind::pivots, 1, 100)->size(), 2u);
     const auto corners = some_pivots(splats, footprints, PivotKind::corners, 0, 100);
@@ -93,7 +93,7 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
     EXPECT_NEAR(norm(mean), 0, 1e-6);
     EXPECT_NEAR(farthest, 3 * std::sqrt(0.05 * 0.05 + 2 * 0.2 * 0.2), 1e-5);
 
-    // Masks and boxes hide.
+    // Masks and boxes exclude.
     views[0].mask = views[1].mask = ImageU8(100, 100, 1, 0);
     EXPECT_EQ(pixel_footprints(splats, field, rules)[0], 0);
     EXPECT_GT(pixel_footprints(splats, {views, false, 0.2f, 2}, rules)[0], 0);
@@ -128,7 +128,7 @@ TEST(Pivots, OfACellTheFirstStays) {
 
 TEST(Pivots, GridKeepsPlacesAndAddsABox) {
     Gaussians<Cpu> g = test::sphere_splats(300, 1, 0.05);
-    g.log_scales[7] = {9, 9, 9};  // its points lie thousands away
+    g.log_scales[7] = {9, 9, 9};  // its points are thousands of units away
     const auto splats = field_splats(g);
     auto pivots = *some_pivots(splats, std::vector<float>(300, 0.01f), PivotKind::pivots, 1, 1000);
     const Pivots before = pivots;
@@ -146,7 +146,8 @@ TEST(Pivots, GridKeepsPlacesAndAddsABox) {
     EXPECT_EQ(pivots.splats.back(), -1);
     EXPECT_EQ(pivots.radii.back(), 0);
 
-    // Contracted, the far ones are nearer on the grid, and the box lies beyond the world's end.
+    // Contracted, the far points are nearer on the grid, and the box lies beyond the contracted
+    // world.
     g.log_scales[7] = g.log_scales[8];
     for (int i = 0; i < 100; ++i) g.means[std::size_t(i)] = 50.0f * g.means[std::size_t(i)];
     const auto wide = field_splats(g);

@@ -1,4 +1,4 @@
-// Closed surfaces of oriented points: shapes whose volume and genus are known.
+// Closed surfaces of oriented points: shapes of known volume and genus.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -50,7 +50,7 @@ OrientedPoints sphere(int count, double radius, Vec3d centre = {}) {
     return points;
 }
 
-/// Radii 1 and 0.4, around the z axis, at random.
+/// Random points on a torus of radii 1 and 0.4 around the z axis.
 OrientedPoints torus(int count) {
     OrientedPoints points;
     Random random;
@@ -64,7 +64,7 @@ OrientedPoints torus(int count) {
     return points;
 }
 
-/// The sides of a box, `step` apart at most; those for which covered(p) is true are left out.
+/// The sides of a box with steps of at most `step`, without points for which covered(p).
 void add_box(
     OrientedPoints& points,
     Vec3d low,
@@ -173,7 +173,7 @@ TEST(Poisson, Torus) {
 }
 
 TEST(Poisson, TouchingBoxesAreOne) {
-    // They share a part of a side, which no point is on.
+    // The part of a side that both boxes share has no points.
     const auto within = [](Vec3d low, Vec3d high) {
         return [low, high](Vec3d p) {
             for (int k = 0; k < 3; ++k)
@@ -191,7 +191,7 @@ TEST(Poisson, TouchingBoxesAreOne) {
 }
 
 TEST(Poisson, ThinPlate) {
-    // Three nodes thick: far less than a node of the coarse levels.
+    // Three nodes thick: much less than a node of the coarse levels.
     OrientedPoints points;
     add_box(points, {0, 0, 0}, {1, 1, 0.03}, 0.01);
     const TriangleMesh mesh = closed(points, 0.01f);
@@ -219,7 +219,7 @@ TEST(Poisson, NoiseAndOutliers) {
 }
 
 TEST(Poisson, UnevenDensity) {
-    // Eight times as dense above as below, and a hole all around between them.
+    // Eight times as dense above as below, with a gap all around between them.
     OrientedPoints all = sphere(20000, 1), points;
     for (std::size_t i = 0; i < all.size(); ++i) {
         const float z = all.positions[i].z;
@@ -241,9 +241,9 @@ TEST(Poisson, HalfOfASphereIsClosed) {
     expect_volume(mesh, kBall / 2, 0.15);
     float lowest = 0;
     for (const Vec3f v : mesh.vertices) lowest = std::min(lowest, v.z);
-    EXPECT_GT(lowest, -0.2f - 0.03f);  // a tenth of what is two wide
+    EXPECT_GT(lowest, -0.2f - 0.03f);  // a tenth of a gap of width two
 
-    // A view from the side that looks through below z = 0 keeps the surface out of there.
+    // A view from the side that looks through below z = 0 keeps the surface out of that region.
     const Camera camera = test::look_at_origin({5, 0, 0}, 200);
     EvidenceView view{camera, std::vector<float>(200 * 200, 10.0f),
                       std::vector<float>(200 * 200, kTrustedWeight)};
@@ -350,7 +350,7 @@ TEST(Poisson, HostilePoints) {
     refused(sphere(100, 1), 0, "too far out");
     refused(sphere(100, 1), std::numeric_limits<float>::quiet_NaN(), "too far out");
     refused(sphere(100, 1), 1e-9f, "too far out");
-    // All in a plane: a slab behind them.
+    // All in a plane: the solid is a slab behind them.
     OrientedPoints plane;
     for (int i = 0; i < 10000; ++i) add(plane, {0.01 * (i % 100), 0.01 * (i / 100), 5}, {0, 0, 1});
     const TriangleMesh slab = closed(plane, 0.01f);
@@ -358,16 +358,16 @@ TEST(Poisson, HostilePoints) {
     float highest = 0;
     for (const Vec3f v : slab.vertices) highest = std::max(highest, v.z);
     EXPECT_NEAR(highest, 5, 0.01);
-    // Without normals there is neither an inside nor a failure.
+    // Without normals there is no inside, and no failure.
     OrientedPoints dull = sphere(2000, 1);
     for (Vec3f& n : dull.normals) n = {};
     EXPECT_NO_THROW(closed(dull, 0.1f));
-    // Two points are a surface, if a small one.
+    // Two points give a small surface.
     add(one, {1.5, 2, 3}, {0, 0, 1});
     EXPECT_EQ(topology_of(closed(one, 0.1f)).open, 0u);
 }
 
-/// A view of the unit sphere as PointView wants it.
+/// A view of the unit sphere as a PointView.
 PointView view_of(const test::DepthMap& map) {
     PointView view{
         map.camera, map.depth, map.color, std::vector<float>(map.depth.size(), kTrustedWeight), {}};
@@ -402,7 +402,7 @@ TEST(ViewPoints, OnePointPerCell) {
     points.fit(250 * 1000);
     EXPECT_GE(points.cell(), 0.1f);
     EXPECT_LE(points.oriented().size(), 500u);
-    // Eight cells meet in the origin, and none of these becomes one with another.
+    // Eight cells meet at the origin and must stay separate.
     try {
         points.fit(2000);
         ADD_FAILURE() << points.oriented().size();
@@ -411,7 +411,7 @@ TEST(ViewPoints, OnePointPerCell) {
     }
 }
 
-// 40 views along z: `through` of them see something at 9, the others at 1, as the nodes are.
+// 40 views along z: `through` of them have depth 9, the others 1, as the nodes.
 TEST(FreeNodes, GoByAllViews) {
     const std::vector<PoissonLevel> levels(1, PoissonLevel(0.01f, {block_key({0, 0, 12})}));
     const auto free = [&](int through) {
@@ -458,7 +458,7 @@ TEST(ViewPoints, OnlyWhatIsSureAndNotLookedThrough) {
     points.drop_looked_through(of({same, same, same, through}));
     EXPECT_EQ(points.oriented().size(), all);
     points.drop_looked_through(of({same, same, through}));
-    EXPECT_LT(points.oriented().size(), all / 20);  // those at the outline stay
+    EXPECT_LT(points.oriented().size(), all / 20);  // only points at the outline remain
     EXPECT_EQ(points.oriented().size() + points.dropped(), all);
 
     ViewPoints far(1e-7f);

@@ -1,4 +1,4 @@
-// Simplified surfaces: how far they are from what they were, how small, and what stays whole.
+// Simplified surfaces: their distance from the original, their size, and their topology.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -31,7 +31,7 @@ void expect_same_topology(const TriangleMesh& before, const TriangleMesh& after)
     EXPECT_EQ(is.rim_edges > 0, was.rim_edges > 0);
 }
 
-/// The largest of the distances of `points` to the nearest vertex.
+/// The largest distance of `points` to the nearest vertex.
 double far_from_vertices(const TriangleMesh& mesh, const std::vector<Vec3d>& points) {
     double farthest = 0;
     for (const Vec3d p : points) {
@@ -43,7 +43,7 @@ double far_from_vertices(const TriangleMesh& mesh, const std::vector<Vec3d>& poi
     return farthest;
 }
 
-// 1 pixel is 0.01 at the origin in all that follows.
+// A pixel at the origin is 0.01 in all tests below.
 const std::vector<Camera> kAbove{looking({0, 0, 5}, {0, 0, 0}, 500)};
 
 TEST(SimplifyQuadric, MeanOfSquaredDistances) {
@@ -64,7 +64,7 @@ TEST(SimplifyQuadric, MeanOfSquaredDistances) {
     EXPECT_NEAR(twice.mean(x), q.mean(x), 1e-12);
     EXPECT_NEAR(twice.weight, 4 * q.weight, 1e-12);
     EXPECT_EQ(Quadric{}.mean(x), 0);
-    // The point of the least sum: no step goes down, but for the pull.
+    // The point of least sum: no step decreases it, except for the regularisation.
     const Vec3d least = q.minimum({0, 0, 0});
     for (int axis = 0; axis < 3; ++axis)
         for (const double step : {-0.05, 0.05}) {
@@ -89,7 +89,7 @@ TEST(SimplifyQuadric, MinimumIsACornerOrStays) {
 }
 
 TEST(SimplifyTolerance, ThePixelOfTheNearestViewThatSees) {
-    // Two levels, the lower one half hidden by the upper one.
+    // Two levels; the upper one hides half of the lower one.
     TriangleMesh mesh = square({-1, -1, 0}, 2, 20);
     append(mesh, square({-0.5, -0.5, 1}, 1, 10));
     std::vector<Camera> cameras{looking({0, 0, 5}, {0, 0, 0}, 500),
@@ -103,7 +103,7 @@ TEST(SimplifyTolerance, ThePixelOfTheNearestViewThatSees) {
         const Vec3f p = mesh.vertices[i];
         const float across = std::max(std::fabs(p.x), std::fabs(p.y));
         float want = (5 - p.z) / 500;
-        // The far view sees what is below (5 - 1) / 5 of the near one's shadow at 0.5.
+        // The far view sees the part that the near one's shadow covers at 0.5, up to (5 - 1) / 5.
         if (p.z == 1 && across < 0.46f) want = 19.0f / 4000, ++near;
         if (p.z == 0 && across < 0.49f)
             want = kUnseenPixels * (across < 0.49f ? std::min(0.01f, 20.0f / 4000) : 0.01f),
@@ -114,14 +114,14 @@ TEST(SimplifyTolerance, ThePixelOfTheNearestViewThatSees) {
     }
     EXPECT_GT(hidden, 60);
     EXPECT_GT(near, 60);
-    // Nothing sees it and it is in no image: the distance of the nearest camera.
+    // No view sees it and it is in no image: the distance to the nearest camera.
     const TriangleMesh aside = square({90, 0, 0}, 1);
     const std::vector<float> away = pixel_lengths(aside, aside.vertices, {kAbove[0]});
     EXPECT_NEAR(away[0], kUnseenPixels * std::sqrt(90.f * 90 + 25) / 500, 1e-4f);
 }
 
 TEST(SimplifyProof, MeanQuantileAndMaximumOfBothDirections) {
-    // A thousand squares far from each other, of which four rise by two pixels and one by five.
+    // A thousand distant squares; four of them rise by two pixels and one by five.
     TriangleMesh before;
     for (int i = 0; i < 1000; ++i) append(before, square({3.0 * i, 0, 0}, 1));
     TriangleMesh after = before;
@@ -137,7 +137,7 @@ TEST(SimplifyProof, MeanQuantileAndMaximumOfBothDirections) {
     EXPECT_NEAR(proof.mean_px, (4 * 2 + 5) / 1000.0, 1e-6);
     EXPECT_NEAR(proof.p999_px, 2, 1e-6);
     EXPECT_NEAR(proof.max_px, 5, 1e-6);
-    // What is there in one mesh only counts in the other's direction.
+    // A part of one mesh alone only counts in one direction.
     after = before;
     append(after, square({0, 0, 0.5}, 1));
     EXPECT_NEAR(measured(before, after).max_px, 50, 1e-4);
@@ -192,7 +192,7 @@ TEST(Simplify, APlaneKeepsItsRim) {
 }
 
 TEST(Simplify, ConcaveRimsAndHoles) {
-    // An L with a hole: everything is flat, so that only topology and normals hold it together.
+    // An L-shape with a hole: everything is flat, so only topology and normals limit the collapse.
     TriangleMesh before;
     for (int j = 0; j < 40; ++j)
         for (int i = 0; i < 40; ++i) {
@@ -200,7 +200,7 @@ TEST(Simplify, ConcaveRimsAndHoles) {
             if (i >= 5 && i < 12 && j >= 5 && j < 12) continue;
             append(before, square({-1 + 0.05 * i, -1 + 0.05 * j, 0}, 0.05));
         }
-    // Sums of floats differ in the last bits: whole numbers of a fine grid.
+    // Float sums differ in the last bits, so points are on a fine grid of whole numbers.
     for (Vec3f& p : before.vertices) p = {std::round(p.x * 20) / 20, std::round(p.y * 20) / 20, 0};
     before = weld(before);
     ASSERT_EQ(topology(before).euler, 0);
@@ -239,7 +239,8 @@ TEST(Simplify, ASphereStaysWithinTheBound) {
         EXPECT_GT(report.proof.p999_px, 0.1 * error);
         EXPECT_LE(report.proof.mean_px, report.proof.p999_px);
         EXPECT_LE(report.proof.p999_px, report.proof.max_px);
-        // The proof against distances found here; the nearest a view comes is 4 of 500 pixels.
+        // The measured error against distances computed here; the nearest view is at 4 units and
+        // has 500 pixels.
         const TriangleTree tree(after);
         double largest = 0;
         for (const Vec3f p : before.vertices) {
@@ -276,7 +277,7 @@ TEST(Simplify, ABoxKeepsItsEdges) {
 }
 
 TEST(Simplify, FinerWhereAViewIsNear) {
-    // One rough strip, both ends at 1.5 and 12 from the camera.
+    // One rough strip; its ends are at 1.5 and 12 units from the camera.
     auto random = noise(2);
     const TriangleMesh before = relief(4, 100, [&](double, double) { return 0.004 * random(); });
     TriangleMesh after = before;
@@ -289,7 +290,7 @@ TEST(Simplify, FinerWhereAViewIsNear) {
 }
 
 TEST(Simplify, BumpsLargerThanTheBoundStay) {
-    // Narrow bumps on a wide plane, which has all the area.
+    // Narrow bumps on a wide plane that has most of the area.
     const auto height = [](double x, double y) {
         const double dx = x - std::round(x), dy = y - std::round(y);
         return 0.04 * std::exp(-(dx * dx + dy * dy) / (2 * 0.03 * 0.03));
@@ -356,7 +357,7 @@ TEST(Simplify, WhatIsSmallerThanTheBoundDoesNotVanish) {
     EXPECT_EQ(pair.faces.size(), 1u);
     simplify(pair, kAbove, {});
     EXPECT_EQ(pair.faces.size(), 1u);
-    // A ribbon that is closed, one pair of triangles wide.
+    // A closed ribbon, one pair of triangles wide.
     TriangleMesh ribbon;
     for (int i = 0; i < 120; ++i)
         for (const double z : {0., 0.05}) {
@@ -423,7 +424,7 @@ TEST(Simplify, WhatIsNoTriangleIsDropped) {
 }
 
 TEST(Simplify, TrianglesWithoutAreaDoNoHarm) {
-    // Rows of vertices that coincide: needles and points between two sound sheets.
+    // Rows of coincident vertices: degenerate faces between two intact sheets.
     TriangleMesh before = square({-1, -1, 0}, 2, 16);
     for (Vec3f& p : before.vertices)
         if (std::fabs(p.y) < 0.2f) p.y = 0;
@@ -456,8 +457,7 @@ TEST(Simplify, EdgesOfThreeFacesStay) {
 }
 
 TEST(Simplify, GroupsLeaveNoSeamsAndThreadsDoNotMatter) {
-    // 130,000 faces: two groups or more, and the flat quarter of it has none of their borders
-    // after.
+    // 130,000 faces: at least two groups; the flat quarter keeps none of their borders.
     auto random = noise(3);
     TriangleMesh before = relief(4, 256, [&](double x, double y) {
         return x < 3 && y < 3 ? 0 : 0.1 * std::sin(3 * x) + 0.001 * random();

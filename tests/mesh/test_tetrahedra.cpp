@@ -1,4 +1,4 @@
-// The surface in tetrahedra: its cases, its colours, and whole meshes of surfaces that are known.
+// The tetrahedra mesher: its cases, its colours, and whole meshes of known surfaces.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,7 +23,8 @@ Vec3d face_normal(const TriangleMesh& mesh, Vec3i f) {
 }
 
 struct Topology {
-    int rims = 0, shared_wrong = 0;  // edges of one face; of more than two, or of a turned one
+    // Edges of one face; of more than two faces, or with a reversed face.
+    int rims = 0, shared_wrong = 0;
     long euler = 0;
 };
 Topology topology(const TriangleMesh& mesh) {
@@ -46,7 +47,7 @@ Topology topology(const TriangleMesh& mesh) {
     return t;
 }
 
-/// The vertices in the middle of the edges.
+/// Puts vertices at the centres of the edges.
 TriangleMesh halfway(const TetrahedraSurface& surface, const std::vector<Vec3f>& positions) {
     TriangleMesh mesh;
     mesh.faces = surface.faces;
@@ -134,7 +135,7 @@ TEST(MarchingTetrahedra, LeavesOutCaps) {
     TetrahedraSurface surface = marching_tetrahedra(one, sides, kCorners, radii);
     EXPECT_TRUE(surface.faces.empty() && surface.edges.empty());
     EXPECT_EQ(surface.far_faces, 1);
-    // What no view has seen is no surface, unless another corner is hidden.
+    // An unseen point makes no surface unless another corner is hidden.
     radii.assign(4, 1);
     sides[0] = PointSide::unseen;
     surface = marching_tetrahedra(one, sides, kCorners, radii);
@@ -160,9 +161,9 @@ TEST(VertexColors, AreThoseOfPixelsThatShowTheVertex) {
         walls.push_back({test::look_at_origin({0, 0, 2}, size), std::vector<float>(pixels, 2),
                          std::vector<Vec3f>(pixels, color)});
     }
-    walls[0].depth[20 * 40 + 30] = 0;  // a pixel that shows nothing
-    // On the wall; a pixel of the first camera (2 / 40) behind; far behind; beside the images; in
-    // the empty pixel.
+    walls[0].depth[20 * 40 + 30] = 0;  // a pixel without depth
+    // On the wall; a pixel of the first camera (2 / 40) behind it; far behind; outside of the
+    // images; in the pixel without depth.
     const float x = 2 * (30.5f - 20) / 40, y = 2 * (20.5f - 20) / 40;
     const auto vertices = to_device<Cpu>(std::vector<Vec3f>{
         {0.01f, 0.01f, 0}, {0.01f, 0.01f, -0.05f}, {0, 0, -2}, {0, 3, 0}, {x, -y, 0}});
@@ -176,13 +177,12 @@ TEST(VertexColors, AreThoseOfPixelsThatShowTheVertex) {
     const std::vector<CrossedEdge> edges(5, {0, 1});
     const std::vector<Vec3f> colors =
         detail::mean_colors(to_host(sums), edges, {2, -1}, {{}, {}, {1, 0, -9}});
-    EXPECT_NEAR(colors[0].x, 0.8, 1e-6);  // by the squares of the resolutions
+    EXPECT_NEAR(colors[0].x, 0.8, 1e-6);  // weighted by the squared resolutions
     EXPECT_NEAR(colors[0].y, 0.2, 1e-6);
     const double z = 2.05, d1 = 0.05 * 40 / z, d2 = 0.05 * 20 / z;
     const double w1 = 1600 / std::pow(1 + d1 * d1, 2), w2 = 400 / std::pow(1 + d2 * d2, 2);
     EXPECT_NEAR(colors[1].x, w1 / (w1 + w2), 1e-5);
-    for (const int unseen :
-         {2, 3}) {  // the colour of the splat, of the free end as the other has none
+    for (const int unseen : {2, 3}) {  // the colour of the splat; the other end has none
         EXPECT_NEAR(colors[std::size_t(unseen)].x, 0.78209, 1e-4);
         EXPECT_EQ(colors[std::size_t(unseen)].y, 0.5f);
         EXPECT_EQ(colors[std::size_t(unseen)].z, 0);
@@ -221,11 +221,11 @@ void expect_sphere(const TriangleMesh& mesh, double size, double bound) {
     }
     EXPECT_LT(sum / static_cast<double>(mesh.vertices.size()), bound * size);
     EXPECT_LT(farthest, 0.5 * size);
-    double volume = 0;  // above zero if faces face outside
+    double volume = 0;  // positive if faces are oriented outwards
     for (const Vec3i f : mesh.faces) volume += dot(face_normal(mesh, f), corner(mesh, f.x)) / 6;
     EXPECT_NEAR(volume, 4 * M_PI / 3, 3 * 4 * M_PI / 3 * bound * size + 0.02);
     ASSERT_EQ(mesh.colors.size(), mesh.vertices.size());
-    double color_error = 0;  // next to an outline a pixel shows some of what is behind: nothing
+    double color_error = 0;  // at an outline a pixel partly shows the background: no surface
     for (const Vec3f c : mesh.colors)
         color_error =
             std::max(color_error, norm(vec_cast<double>(c - Vec3f{0.782f, 0.5f, 0.218f})));
@@ -241,7 +241,8 @@ TEST(TetrahedraMesher, SphereIsClosedAndExact) {
             extract(test::sphere_splats(count, 1, flatness), test::views_around(14, 48));
         EXPECT_EQ(found.why_empty, "");
         EXPECT_GT(found.mesh.faces.size(), 3000u);
-        // A thick splat hides what is half in it: the surface comes out 1 to 2 thicknesses too far.
+        // A thick splat occludes points inside of it: the surface is 1 to 2 thicknesses too far
+        // out.
         expect_sphere(found.mesh, size, flatness > 0.01 ? 0.25 : 0.08);
     }
 }
@@ -259,7 +260,7 @@ TEST(TetrahedraMesher, SphereWithFilter) {
     const int count = 800;
     Gaussians<Cpu> g = test::sphere_splats(count, 1, 1e-4);
     g.filter.resize(count);
-    // Widened to a fortieth of their width; their opacity falls with it, so some is given back.
+    // Widens them to a fortieth of their width; raises the opacity, which the filter lowers.
     for (float& f : g.filter.span()) f = static_cast<float>(2 / std::sqrt(count) / 40);
     const auto at_most_half = extract(g, test::views_around(14, 48));
     EXPECT_NE(at_most_half.why_empty, "") << "filtered to an opacity of 0.004";
@@ -348,7 +349,7 @@ TEST(TetrahedraMesherTwin, SameMesh) {
         const Gaussians<Cpu> g = test::sphere_splats(900, 1, 1e-3);
         const auto views = test::views_around(14, 48);
         const ExtractedMesh host = extract(g, views), device = extract<Cuda>(g, views);
-        // The points are the same bits; a sign on the brink may differ.
+        // The points have the same bits; a point near the threshold may differ.
         EXPECT_NEAR(static_cast<double>(device.mesh.faces.size()),
                     static_cast<double>(host.mesh.faces.size()), 20);
         if (device.mesh.vertices.size() == host.mesh.vertices.size()) {

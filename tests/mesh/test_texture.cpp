@@ -1,5 +1,5 @@
-// Textures of a box whose colours are known at every point: from photographs rendered with twice
-// its resolution, into charts, back onto the surface.
+// Textures of a box with known colours everywhere: from photographs rendered at twice the
+// resolution, into charts, back to the surface.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -66,7 +66,7 @@ void darken(View& view, double (*factor)(double x)) {
             }
 }
 
-/// The texture between its texels.
+/// Bilinear lookup in the texture.
 Vec3f texel(const MeshTexture& texture, Vec2f place) {
     const float x = place.x * static_cast<float>(texture.image.width) - 0.5f,
                 y = place.y * static_cast<float>(texture.image.height) - 0.5f;
@@ -158,7 +158,7 @@ TEST(Texture, ShowsTheColoursOfTheSurface) {
 }
 
 TEST(Texture, WhatStandsBeforeDoesNotPrintOnWhatIsBehind) {
-    // A red plate, a unit away from the side z = 1, in one mesh with the cube.
+    // A red plate at a distance of one unit from the side z = 1, in one mesh with the cube.
     for (const int n : {1, 12}) {
         TriangleMesh fine = cube(96), mesh = cube(n);
         paint(fine, truth);
@@ -190,7 +190,7 @@ TEST(Texture, WhatStandsBeforeDoesNotPrintOnWhatIsBehind) {
         EXPECT_GT(checked, 200);
         EXPECT_EQ(red, 0) << "of " << checked << ", " << n;
         EXPECT_GT(plate_red, 0.9 * plate);
-        // And what some view sees of a face that no view sees whole is shown.
+        // Partly visible faces show the colours of the views that see parts.
         std::vector<SurfacePoint> seen;
         for (const SurfacePoint& p : on_surface(mesh, texture, 24 / n))
             if (p.face < own && p.point.z > 0.999) seen.push_back(p);
@@ -239,7 +239,7 @@ TEST(Texture, SeamsAreLevelled) {
     EXPECT_GT(report.seams, 30);
     EXPECT_GE(report.views_used, 3);
     EXPECT_LT(step_at_seams(mesh, levelled), 0.015);
-    // As bright as the others are on the whole: 0.8 is their geometric mean to the fourth.
+    // As bright as the mean view: 0.8 is their geometric mean to the fourth.
     double bright = 0, was = 0;
     for (const SurfacePoint& p : on_surface(mesh, levelled, 4)) {
         bright += double{p.color.y};
@@ -247,7 +247,8 @@ TEST(Texture, SeamsAreLevelled) {
     }
     EXPECT_NEAR(bright / was, std::pow(0.8, 0.25), 0.01);
 
-    // What no gain can do: along the seam one of two views grows dark. 0.06 without corrections.
+    // A gain cannot correct this: one of two views darkens along the seam. 0.06 without
+    // corrections.
     std::vector<View> uneven = {views[2], views[3]};
     darken(uneven[1], [](double x) { return 1 - 0.5 * x; });
     EXPECT_LT(step_at_seams(mesh, make_texture(mesh, uneven)), 0.01);
@@ -261,7 +262,7 @@ TEST(Texture, WhatThreeViewsDenyIsNotShown) {
          {Vec3d{0, 0, 3}, {1.2, 0.1, 3}, {-1.2, 0.5, 3}, {0, 1.4, 3}, {0, -1, 3}})
         cameras.push_back(test::look_at_origin(from, kSize));
     std::vector<View> views = photographs(plain, cameras);
-    for (int y = 44; y < 84; ++y)  // somebody before the best view
+    for (int y = 44; y < 84; ++y)  // an object in front of the best view
         for (int x = 44; x < 84; ++x)
             for (int c = 0; c < 3; ++c) views[0].photo.at(x, y, c) = c == 1 ? 255 : 0;
     const auto green = [&](const std::vector<View>& of) {
@@ -271,9 +272,9 @@ TEST(Texture, WhatThreeViewsDenyIsNotShown) {
         return count;
     };
     EXPECT_EQ(green(views), 0);
-    views.resize(2);  // two views cannot tell who is right
+    views.resize(2);  // two views do not determine the outlier
     EXPECT_GT(green(views), 50);
-    // The mask can.
+    // The mask does.
     for (View& view : views) view.mask = ImageU8(kSize, kSize, 1, 255);
     for (int y = 42; y < 86; ++y)
         for (int x = 42; x < 86; ++x) views[0].mask.at(x, y) = 0;
@@ -286,7 +287,7 @@ TEST(Texture, ChartsHaveGutters) {
     paint(fine, halves);
     std::vector<View> views = photographs(fine, {test::look_at_origin({0, 0, 3.2}, kSize)});
     const MeshTexture texture = make_texture(mesh, views);
-    // All of the border of the square, three halves of a texel outwards.
+    // The border of the square is visible, three half texels outwards.
     Vec2f low{1, 1}, high{0, 0};
     for (const Vec2f p : texture.places) {
         low = {std::min(low.x, p.x), std::min(low.y, p.y)};
@@ -331,7 +332,7 @@ TEST(Texture, UnseenFacesHaveTheColoursOfTheirVertices) {
         EXPECT_LT(norm(p.color - expected), 0.02)
             << p.point.x << ' ' << p.point.y << ' ' << p.point.z;
     }
-    // Without colours they are grey, and a view without its photograph is none.
+    // Without vertex colours they are grey; a view without a photograph is skipped.
     mesh.colors.clear();
     std::vector<View> empty = views;
     empty[0].photo = {};
@@ -355,7 +356,7 @@ TEST(Texture, FitsIntoItsSide) {
         EXPECT_LT(report.scale, 0.9);
         EXPECT_GT(psnr(on_surface(mesh, texture, 6)), 24);
     }
-    // 24,300 faces that nobody sees would be 600,000 texels: faces of one colour share some.
+    // 24,300 unseen faces would be 600,000 texels, so faces of one colour share tiles.
     TriangleMesh many = cube(45);
     paint(many, truth);
     const MeshTexture shared = make_texture(many, {}, {.max_side = 256});
@@ -364,10 +365,10 @@ TEST(Texture, FitsIntoItsSide) {
     EXPECT_GT(psnr(on_surface(many, shared, 1)), 28) << "in 32 steps";
 }
 
-/// More views than a face keeps, some faces in parts, some unseen.
+/// More views than a face keeps, some faces partly visible, some unseen.
 TEST(Texture, DoesNotDependOnThreads) {
     TriangleMesh fine = cube(24), mesh = cube(16);
-    // Of the larger plate the smaller one hides a part from everywhere.
+    // The smaller plate hides a part of the larger one in all views.
     for (const TriangleMesh& plate :
          {test::square({-0.8, -0.8, 1.2}, 1.6, 1), test::square({-0.2, -0.2, 1.3}, 0.4, 4)}) {
         const int first = static_cast<int>(mesh.vertices.size());
@@ -403,8 +404,8 @@ TEST(Texture, DoesNotDependOnThreads) {
     }
 }
 
-/// A glare that moves with the view is in one of four photographs, the one that shows its faces
-/// best. All four together say a part of it.
+/// A highlight that moves with the view is in one of four photographs, the one that shows its faces
+/// best. The mean of all four contains only a part of it.
 TEST(Texture, FollowsWhatAllViewsSay) {
     TriangleMesh plain = test::square({-1, -1, 0}, 2, 96), mesh = test::square({-1, -1, 0}, 2, 24);
     const auto grey = [](Vec3d) { return Vec3f{0.4f, 0.4f, 0.4f}; };
@@ -425,12 +426,12 @@ TEST(Texture, FollowsWhatAllViewsSay) {
     double most = 0;
     for (const SurfacePoint& p : on_surface(mesh, make_texture(mesh, views), 2))
         if (norm(p.point) < 0.1) most = std::max(most, double{p.color.x} - 0.4);
-    // The mean by quality, of about equal ones, and a blur of 8 pixels.
+    // The mean by quality, of about equal ones, blurred over 8 pixels.
     EXPECT_GT(most, 0.03);
     EXPECT_LT(most, 0.1) << "the view alone says 0.2";
 }
 
-/// Something that one photograph has before its edge of the surface, as where outlines of mesh and
+/// A stripe in front of the surface's edge in one photograph, as where the outlines of mesh and
 /// photograph differ, does not colour the whole chart.
 TEST(Texture, StepsAtSeamsStayThere) {
     TriangleMesh plain = test::square({-1, -1, 0}, 2, 96), mesh = test::square({-1, -1, 0}, 2, 24);

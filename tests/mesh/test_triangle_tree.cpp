@@ -1,4 +1,4 @@
-// Distances to triangles, and lines through them, against loops over all of them.
+// Checks distances to triangles, and intersections with lines, against loops over all triangles.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -17,7 +17,7 @@ double distance(Vec3d p, Vec3d q) {
     return norm(p - q);
 }
 
-/// The least distance another way: the foot of the perpendicular if it lies inside, else the
+/// The least distance by another method: the foot of the perpendicular if it lies inside, else the
 /// nearest point of the three sides.
 double reference(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
     double best = kFar;
@@ -78,7 +78,7 @@ TEST(TriangleMath, RandomTrianglesNeedlesAndPoints) {
         if (i % 8 == 1) c = a + 1e-7 * random.vec() + 0.3 * (b - a);   // a needle
         if (i % 8 == 2) c = a + 1e-15 * random.vec() + 0.3 * (b - a);  // a line, but for rounding
         if (i % 8 == 3) c = 0.5 * (a + b);                             // a line
-        if (i % 8 == 4) c = b;                                         // two corners in one
+        if (i % 8 == 4) c = b;                                         // two coincident corners
         if (i % 8 == 5) b = c = a;                                     // a point
         if (i % 8 == 6) p = a + random.uniform(0, 1) * (b - a);        // on a side
         const Vec3d at = 1000 * shift;
@@ -94,7 +94,7 @@ TEST(TriangleMath, BoxesAndTriangles) {
     EXPECT_TRUE(reaches_into({0.4, 0.4, 0.4}, {0.5, 0.4, 0.4}, {0.4, 0.5, 0.4}, zero, one));  // in
     EXPECT_TRUE(reaches_into({1, -5, -5}, {1, 5, -5}, {1, 0, 9}, zero, one));  // in a side of it
     EXPECT_FALSE(reaches_into({1.001, -5, -5}, {1.001, 5, -5}, {1.001, 0, 9}, zero, one));
-    // Past a corner, though its own box covers all.
+    // Past a corner, although its bounding box covers everything.
     EXPECT_FALSE(reaches_into({4, 0, 0}, {0, 4, 0}, {0, 0, 4}, zero, one));
     EXPECT_TRUE(reaches_into({2.9, 0, 0}, {0, 2.9, 0}, {0, 0, 2.9}, zero, one));
     Random random(2);
@@ -123,7 +123,7 @@ TriangleMesh soup(int count, unsigned seed) {
         const Vec3d a = random.vec();
         Vec3d b = a + random.vec(size), c = a + random.vec(size);
         if (i % 11 == 0) c = b;
-        if (i % 13 == 0 && i > 0) {  // the same once more
+        if (i % 13 == 0 && i > 0) {  // repeats the previous one
             mesh.faces.push_back(mesh.faces[std::size_t(i) - 1]);
             continue;
         }
@@ -186,8 +186,7 @@ TEST(TriangleTree, WhatIsNoTriangleIsLeftOut) {
 }
 
 TEST(TriangleTree, DepthIsBounded) {
-    // Groups whose distances from each other shrink by 20, on three axes: cuts by 16 bins take off
-    // one group at a time.
+    // Groups whose distances shrink by 20, on three axes: each cut by 16 bins separates one group.
     TriangleMesh mesh;
     for (int axis = 0; axis < 3; ++axis)
         for (float x = 1e30f; x > 1e-30f; x /= 20) {
@@ -208,7 +207,7 @@ TEST(TriangleTree, DepthIsBounded) {
 }
 
 TEST(TriangleTree, AClosedSurfaceIsCutAnEvenNumberOfTimes) {
-    // Lines through corners and sides of triangles, too: neighbours agree on who is cut.
+    // Lines through corners and sides of triangles, too: neighbours agree on which one is hit.
     const TriangleMesh mesh = ball({0.1, -0.2, 0.3}, 1, 24);
     const TriangleTree tree(mesh);
     Random random(5);
@@ -227,7 +226,7 @@ TEST(TriangleTree, AClosedSurfaceIsCutAnEvenNumberOfTimes) {
             const Vec3d along = normalize(to - from);
             EXPECT_NEAR(norm(cross(p - from, along)), 0, 1e-9);
         });
-        if (i % 4 != 0 || i % 8 == 0) odd += cuts % 2;  // a corner itself belongs to six
+        if (i % 4 != 0 || i % 8 == 0) odd += cuts % 2;  // a corner belongs to six triangles
         cut += cuts > 0;
     }
     EXPECT_EQ(odd, 0);

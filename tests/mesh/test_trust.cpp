@@ -1,4 +1,4 @@
-// What one view alone has seen: which of its pixels are trusted, and what others take away.
+// Surface that a single view sees: which of its pixels are trusted, and what other views remove.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -13,9 +13,9 @@
 namespace tvsgs {
 namespace {
 
-/// Where a ray from `eye` meets the scene: distance in units of the ray, and the normal there.
+/// Intersection of a ray from `eye` with the scene: distance in units of the ray, and normal.
 struct Hit {
-    double s;  // 0: nothing
+    double s;  // 0: none
     Vec3d normal;
 };
 using Surface = std::function<Hit(Vec3d eye, Vec3d ray)>;
@@ -55,7 +55,7 @@ Camera camera_of(const TestView& view) {
     return camera;
 }
 
-/// Its maps as a rasteriser would give them.
+/// Its maps as a rasteriser would render them.
 template <class Device>
 void render(const TestView& view, RenderedImages<Device>& images) {
     std::vector<float> depth, transmittance;
@@ -108,8 +108,8 @@ int count(const TriangleMesh& mesh, const std::function<bool(Vec3f)>& is) {
     return static_cast<int>(std::count_if(mesh.vertices.begin(), mesh.vertices.end(), is));
 }
 
-// A screen over the left half, at depth 2, before a wall. Where two truncations reach from one to
-// the other, a curtain joins them; else it hangs from the screen.
+// A screen over the left half, at depth 2, in front of a wall. If the truncations of both overlap,
+// a curtain of surface joins them; else it hangs from the screen.
 Surface step(double wall) {
     return nearest({screen(-3, 2, 3), screen(0, wall, 20)});
 }
@@ -129,14 +129,14 @@ TEST(Trust, OneViewAloneKeepsWhatIsAwayFromTheEdge) {
     const TriangleMesh all = fused<Cpu>(one, false), trusted = fused<Cpu>(one, true);
     EXPECT_GT(count(all, on_curtain), 50);
     EXPECT_EQ(count(trusted, on_curtain), 0);
-    // A column of pixels of 60 loses its say, on the far side of the edge.
+    // One column of 60 pixels is not trusted, on the far side of the edge.
     EXPECT_EQ(count(trusted, on_screen), count(all, on_screen));
     EXPECT_GT(count(trusted, on_wall), 0.96 * count(all, on_wall));
     EXPECT_LT(count(trusted, on_wall), count(all, on_wall));
 }
 
 TEST(Trust, TwoViewsConfirmWhatNeitherMay) {
-    // Of the wall, both see the same strip right at the edge when they stand in one place.
+    // Two views at one position see the same strip of the wall right at the edge.
     const std::vector<TestView> one{{{0, 0, 0}, kStep}},
         two{{{0, 0, 0}, kStep}, {{0, 0, 0}, kStep}};
     const TriangleMesh all = fused<Cpu>(one, false), confirmed = fused<Cpu>(two, true);
@@ -145,8 +145,8 @@ TEST(Trust, TwoViewsConfirmWhatNeitherMay) {
 }
 
 TEST(Trust, ThreeViewsLeaveTheCurtainsOfTwo) {
-    // Each has its curtain, along its own ray past the edge; what two see behind the screen, up to
-    // the truncation, closes it at the side.
+    // Each view has its own curtain along its ray past the edge; the region behind the screen that
+    // two views see, up to the truncation, closes it at the side.
     const std::vector<TestView> three{
         {{-0.9, 0, 0}, step(2.4)}, {{0, 0, 0}, step(2.4)}, {{0.9, 0, 0}, step(2.4)}};
     const auto on_far_wall = [](Vec3f p) { return std::abs(p.z - 2.4) < 1e-3; };
@@ -157,7 +157,7 @@ TEST(Trust, ThreeViewsLeaveTheCurtainsOfTwo) {
     EXPECT_LT(count(trusted, on_curtain) - count(two, on_curtain), alone / 10);
     EXPECT_GT(count(trusted, on_screen), 0.97 * count(all, on_screen));
     EXPECT_GT(count(trusted, on_far_wall), 0.97 * count(all, on_far_wall));
-    // The margins are in the image of one view alone, and stay.
+    // The margins are in the image of a single view and stay.
     const auto left = [](Vec3f p) { return on_screen(p) && p.x < -1.3f; };
     const auto right = [&](Vec3f p) { return on_far_wall(p) && p.x > 1.4f; };
     EXPECT_GT(count(trusted, left), 500);
@@ -174,9 +174,9 @@ TEST(Trust, FreeSpaceOfAnotherViewRemovesWhatHangsInIt) {
     EXPECT_GT(count(fused<Cpu>({sees}, true), hangs), 200);
     EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, wall}}, false), hangs), 200);
     EXPECT_EQ(count(fused<Cpu>({sees, {{0.3, 0, 0}, wall}}, true), hangs), 0);
-    // Nor does the order matter.
+    // The order of the views does not matter.
     EXPECT_EQ(count(fused<Cpu>({{{0.3, 0, 0}, wall}, sees}, true), hangs), 0);
-    // A view says nothing where it has no depth, or where its own surface is in front.
+    // A view gives no verdict where it has no depth, or where its own surface is in front.
     const Surface nothing = [](Vec3d, Vec3d) { return Hit{}; };
     EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, nothing}}, true), hangs), 200);
     EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, screen(0, 0.8, 20)}}, true), hangs), 200);
@@ -185,7 +185,7 @@ TEST(Trust, FreeSpaceOfAnotherViewRemovesWhatHangsInIt) {
 }
 
 TEST(Trust, RoughPixelsTakeNothingAway) {
-    // The other view sees the wall, but as depths that jump from pixel to pixel.
+    // The other view sees the wall, but its depths jump from pixel to pixel.
     const auto hangs = [](Vec3f p) { return std::abs(p.z - 1.2) < 0.1; };
     const TestView sees{{0, 0, 0}, nearest({screen(0, 1.2, 0.2), screen(0, 2, 20)})};
     int calls = 0;
@@ -208,7 +208,7 @@ void expect_same_bytes(const TriangleMesh& a, const TriangleMesh& b) {
 }
 
 TEST(Trust, ViewsThatDoNotOverlapLoseNothing) {
-    // Back to back before two walls without edges: the image's border is none.
+    // Back to back, in front of two walls without edges: the image border is not an edge.
     const std::vector<TestView> apart{{{0, 0, 0}, screen(0, 2, 20)},
                                       {{0, 0, 0}, screen(0, -2, 20), -1}};
     std::vector<TestView> views = apart;
@@ -247,21 +247,21 @@ TEST(PixelTrust, PlanesAreSmoothAtAnySlant) {
 }
 
 TEST(PixelTrust, FoldsAreSmoothJumpsAreNot) {
-    // Either plane leading to the other pixel is enough: one of the two normals may be wrong.
+    // It suffices that either plane predicts the other pixel: one of the two normals may be wrong.
     SurfacePixel a = pixel_on_plane(2, 0), b = pixel_on_plane(2, 0.01);
     b.normal = {0, 0, -1};
     EXPECT_FALSE(is_jump(a, b, 100, kQuarter));
     EXPECT_FALSE(is_jump(b, a, 100, kQuarter));
     a.normal = {0, 0, -1};
     EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
-    // The wider of two pixels is the measure: one is seen edge-on, and reaches 0.2 far.
+    // The wider pixel counts: one is seen edge-on and is 0.2 wide.
     b = {a.ray, a.depth + 0.04f, {1, 0, 0}};
     EXPECT_FALSE(is_jump(a, b, 100, kQuarter));
     EXPECT_FALSE(is_jump(b, a, 100, kQuarter));
     b.depth = a.depth + 0.06f;
     EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
     b.ray = pixel_on_plane(2, 0.01).ray;
-    // Without a normal, a depth leads to itself.
+    // Without a normal, the plane is frontal.
     a.normal = b.normal = {};
     EXPECT_EQ(a.depth_at(b.ray), a.depth);
     b.depth = a.depth;
@@ -270,7 +270,7 @@ TEST(PixelTrust, FoldsAreSmoothJumpsAreNot) {
     EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
     b.depth = std::nanf("");
     EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
-    // A plane seen edge-on leads nowhere in front.
+    // A plane seen edge-on predicts no depth in front.
     b.depth = a.depth, b.normal = {1, 0, 0};
     EXPECT_GT(b.depth_at({-0.5f, 0, 1}), 0);
 }
@@ -292,7 +292,7 @@ TEST(PixelTrust, RimsAreTrustedWhatIsBehindThemIsNot) {
         ASSERT_EQ(weight[static_cast<std::size_t>(i)],
                   i % kWidth == 60 ? kDoubtedWeight : kTrustedWeight)
             << i;
-    // The same edge from above to below, between rows 29 and 30.
+    // The same edge horizontally, between rows 29 and 30.
     const Surface turned = [](Vec3d, Vec3d ray) -> Hit {
         return {ray.y < 0 ? 2 : 2.1, {0, 0, -1}};
     };
@@ -301,7 +301,7 @@ TEST(PixelTrust, RimsAreTrustedWhatIsBehindThemIsNot) {
         EXPECT_EQ(rows[static_cast<std::size_t>(y) * kWidth + 7],
                   y == 30 ? kDoubtedWeight : kTrustedWeight)
             << y;
-    // What a rule drops is no surface in front: of the wall alone, where the box begins at x = 0.
+    // A pixel that a rule drops is not a surface in front: the box keeps only the wall, from x = 0.
     DepthRules rules = rules_with(true);
     rules.has_box = true, rules.box_min = {0, -9, 0}, rules.box_max = {9, 9, 9};
     const std::vector<float> boxed = weights<Cpu>(screen(0, 2.1, 20), rules);
@@ -313,7 +313,7 @@ TEST(PixelTrust, RimsAreTrustedWhatIsBehindThemIsNot) {
         limit.jump_px = jump_px;
         EXPECT_EQ(weights<Cpu>(kStep, limit)[60], jump_px < 5 ? kDoubtedWeight : kTrustedWeight);
     }
-    // Steps of the depth are none of the surface.
+    // Rounding of depths to steps makes no jumps.
     const Surface tilted = [](Vec3d, Vec3d ray) -> Hit {
         return {2 / (1 - 0.3 * ray.x), {0.3, 0, -1}};
     };
@@ -323,8 +323,8 @@ TEST(PixelTrust, RimsAreTrustedWhatIsBehindThemIsNot) {
     EXPECT_TRUE(weights<Cpu>(kStep, rules_with(false)).empty());
 }
 
-// Whether column 60 is trusted, of a picture that is the same in all rows (or, turned, in all
-// columns) but for columns 58 to 62, which have these depths; the others have 2.
+// Whether column 60 is trusted in an image whose rows are equal (or, turned, its columns), with
+// these depths in columns 58 to 62 and depth 2 elsewhere.
 bool trusted_at_60(const std::array<double, 5>& depths, bool turned = false) {
     const int middle = turned ? kHeight / 2 : 60;
     const Surface strip = [&](Vec3d, Vec3d ray) -> Hit {
@@ -354,7 +354,7 @@ TEST(TrustTwin, SameBitsOnBothDevices) {
     if constexpr (kHasCuda) {
         if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
         const Surface tilted = [](Vec3d eye, Vec3d ray) -> Hit {
-            // A wavy wall: its slope changes how wide a pixel is.
+            // A wavy wall: its slope changes the pixel width.
             const double s = (2 - eye.z) / (ray.z - 0.6 * ray.x);
             return {s + 0.012 * std::sin(40 * ray.x * ray.y), normalize(Vec3d{0.6, 0, -1})};
         };

@@ -75,14 +75,15 @@ TEST_P(TsdfSphere, AgreesWithOpen3d) {
     EXPECT_NEAR(error.rms, expected.rms, 0.03 * expected.rms);
     EXPECT_NEAR(error.mean, expected.mean, 0.05 * expected.mean);  // printed with two digits
     EXPECT_NEAR(error.max, expected.max,
-                0.10 * expected.max);  // one vertex, which depends on stride and block size
+                // One vertex decides it, which depends on stride and block size.
+                0.10 * expected.max);
     EXPECT_NEAR(static_cast<double>(mesh.faces.size()), expected.faces, 0.01 * expected.faces);
     EXPECT_EQ(mesh.faces.size(), 2 * mesh.vertices.size() - 4);  // genus 0
     EXPECT_TRUE(is_closed(mesh));
     const std::vector<int> components = face_components(mesh);
     EXPECT_EQ(*std::max_element(components.begin(), components.end()), 0);
 
-    // Triangles face free space, and colours are those of the place.
+    // Triangles face free space, and colours are those of the position.
     int inward = 0;
     for (const Vec3i f : mesh.faces) {
         const Vec3f a = mesh.vertices[f.x], b = mesh.vertices[f.y], c = mesh.vertices[f.z];
@@ -92,7 +93,7 @@ TEST_P(TsdfSphere, AgreesWithOpen3d) {
     double color_error = 0;
     for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
         color_error += norm(mesh.colors[v] - 0.5f * (mesh.vertices[v] + Vec3f{1, 1, 1}));
-    // Means over a truncation band, seen obliquely: off by a fraction of the band.
+    // Means over a truncation band at oblique angles: off by a fraction of the band.
     EXPECT_LT(color_error / static_cast<double>(mesh.vertices.size()), 2 * expected.voxel_size);
 }
 
@@ -113,7 +114,7 @@ DepthMap plane_view(float z, int width = 64, int height = 48) {
 }
 
 TEST(Tsdf, PlaneSeenFrontally) {
-    // A long lens: where the two voxels of an edge fall into different pixels, the lengths of their
+    // A long lens: if the two voxels of an edge project to different pixels, the lengths of their
     // rays differ, and the rule is only exact to (change of length) x (distance) ~ 1e-4 x 0.002.
     DepthMap map = plane_view(1.2345f);
     map.camera.fx_px = map.camera.fy_px = 500;
@@ -156,7 +157,7 @@ TEST(Tsdf, EmptyDepthGivesAnEmptyMesh) {
 }
 
 TEST(Tsdf, OneVoxelByHand) {
-    // Voxel centre (0.05, 0.05, 0.95), seen at depth 1 by a pixel whose ray is (0.1, 0.1, 1).
+    // Voxel centre (0.05, 0.05, 0.95), seen at depth 1 by a pixel with the ray (0.1, 0.1, 1).
     const Camera camera{10, 10, 10, 10, 4.5f, 4.5f, {}};
     const std::vector<float> depth(100, 1.0f);
     const Vec3f p = voxel_centre({0, 0, 1}, {0, 0, 1}, 0.1f);
@@ -215,7 +216,7 @@ TEST(Tsdf, RefusesWhatDoesNotFit) {
 }
 
 TEST(Tsdf, GrowsOverManyChunks) {
-    // More blocks than one chunk, added by several views: old voxels stay where they are.
+    // More blocks than one chunk, added by several views: old voxels stay in place.
     TsdfVolume<Cpu> volume(tsdf_options(0.01f, 0.03f));
     for (int i = 0; i < 6; ++i) ASSERT_TRUE(volume.integrate(sphere_view(i, 6, 200).view()));
     EXPECT_GT(volume.blocks().size(), 2 * VoxelBlocks<Cpu>::kChunkBlocks);
@@ -252,7 +253,7 @@ TEST(TsdfTwin, SameBitsOnBothDevices) {
             const TriangleMesh cuda = fused_sphere<Cuda>(c.views, c.size_px, c.voxel_size);
             ASSERT_EQ(cpu.vertices.size(), cuda.vertices.size());
             ASSERT_EQ(cpu.faces.size(), cuda.faces.size());
-            // Both round every operation alike (CMakeLists.txt), hence equality.
+            // Both devices round every operation alike (CMakeLists.txt), so results are equal.
             const auto bytes_differ = [](const auto& a, const auto& b) {
                 return !a.empty() && std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])) != 0;
             };

@@ -1,4 +1,4 @@
-// Fusion in contracted space: an object before a far background.
+// Fusion in contracted space: an object in front of a far background.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,13 +18,13 @@ using test::central_difference;
 TEST(Contraction, ByHand) {
     const Contraction<double> c{{1, 2, 3}, 2};
     const Vec3d along{0.6, 0, 0.8};
-    // Inside only the origin moves; at 3 radii, 2 - 1/3 of them; at infinity, 2.
+    // Inside only the origin moves; 3 radii map to 2 - 1/3 radii, infinity to 2.
     EXPECT_NEAR(norm(c.contract(c.centre + 1.9 * along) - 1.9 * along), 0, 1e-15);
     EXPECT_NEAR(norm(c.contract(c.centre + 6.0 * along) - (10.0 / 3) * along), 0, 1e-15);
     EXPECT_NEAR(norm(c.contract(c.centre + 1e12 * along)), 4, 1e-11);
     EXPECT_NEAR(c.growth(c.centre + 6.0 * along), 3, 1e-15);
     EXPECT_EQ(c.growth(c.centre), 1);
-    // At its reach, a margin in front of the end of the world.
+    // At the reach, the distance to the end of the contracted world equals the margin.
     EXPECT_NEAR(norm(c.contract(c.centre + c.reach(0.05) * along)), 4 - 0.05, 1e-14);
     EXPECT_FALSE(is_finite(c.expand(4 * along)));
     EXPECT_FALSE(is_finite(c.expand(5 * along)));
@@ -39,7 +39,7 @@ TEST(Contraction, ExpandIsTheInverse) {
     for (const double n : {0.0, 1e-9, 0.3, 0.7, 0.7 + 1e-9, 0.9, 7.0, 700.0})
         for (const Vec3d along : {Vec3d{1, 0, 0}, Vec3d{0, -0.6, 0.8}, Vec3d{-0.48, 0.6, -0.64}}) {
             const Vec3d p = c.centre + n * along;
-            // 2 - m loses the digits that m has before it: as many as there are radii.
+            // 2 - m loses as many digits as there are radii.
             EXPECT_NEAR(norm(c.expand(c.contract(p)) - p), 0, 1e-15 * (10 + n * n / 0.49)) << n;
         }
 }
@@ -89,12 +89,13 @@ TEST(Unbounded, SphereBeforeAFarDome) {
     }
     ASSERT_GT(near, 5000u);
     ASSERT_GT(far, 5000u);
-    // Along a ray from the centre the distance is linear in contracted space, and so is what
-    // marching cubes interpolate. The cameras' rays start a 30th of the dome's radius away from it.
+    // Along a ray from the centre the distance is linear in contracted space, and so is the
+    // interpolation of marching cubes. The cameras' rays start at 1/30 of the dome's radius from
+    // the centre.
     const double far_voxel = kVoxel * 30 * 30;
     EXPECT_LT(far_error, far_voxel / 30);
-    EXPECT_LT(near_error, kVoxel);  // where pixels are 2/3 of a voxel, silhouettes aside
-    // The dome is seen from within, the sphere from outside.
+    EXPECT_LT(near_error, kVoxel);  // pixels are 2/3 of a voxel; silhouettes are excluded
+    // The dome is seen from inside, the sphere from outside.
     for (const Vec3i f : mesh.faces) {
         const Vec3d a = vec_cast<double>(mesh.vertices[f.x]),
                     b = vec_cast<double>(mesh.vertices[f.y]),
@@ -132,8 +133,8 @@ TEST(Unbounded, EndsAtItsReach) {
     EXPECT_EQ(code([&] { TsdfVolume<Cpu> refused(coarse); }), ExitCode::usage);
 }
 
-/// A wall at z = 4 seen by five cameras side by side; the first and the last of them have a speck
-/// before it.
+/// A wall at z = 4 in five cameras side by side; the first and the last one have a speck in front
+/// of it.
 TriangleMesh wall_with_specks(bool carve) {
     TsdfOptions options{0.05f, 0.2f, 0};
     options.carve = carve;
@@ -162,15 +163,15 @@ TEST(Carving, ClearsWhatOtherViewsSeeThrough) {
     EXPECT_GT(count_before_the_wall(left), 100);
     EXPECT_EQ(count_before_the_wall(carved), 0);
     ASSERT_GT(carved.vertices.size(), 5000u);
-    // Rays of one pixel differ in length from those of the next by 1/64 of the distance to the
-    // surface at the most, here half a voxel.
+    // Rays of neighbouring pixels differ in length by at most 1/64 of the distance to the surface,
+    // here half a voxel.
     for (const Vec3f v : carved.vertices) ASSERT_NEAR(v.z, 4, 0.05 / 64);
 }
 
 TEST(Weights, ByHand) {
     EXPECT_EQ(depth_weight(DepthWeighting::unit, 4, {}, {}), 1);
     EXPECT_EQ(depth_weight(DepthWeighting::inverse_depth2, 4, {}, {}), 1.0f / 16);
-    // A ray of 45 degrees on a wall that faces the camera, from behind it, and without a normal.
+    // A ray at 45 degrees on a frontal wall, from behind it, and without a normal.
     const Vec3f ray{1, 0, 1};
     EXPECT_NEAR(depth_weight(DepthWeighting::cosine, 4, ray, {0, 0, -0.3f}), std::sqrt(0.5), 1e-7);
     EXPECT_EQ(depth_weight(DepthWeighting::cosine, 4, ray, {0, 0, 1}), 0);
@@ -186,8 +187,8 @@ TEST(Weights, ByHand) {
 }
 
 TEST(Weights, MoveTheSurfaceToThePixelsThatCount) {
-    // Two walls closer together than the truncation, the farther one seen with a third of the
-    // weight: the surface is where the weighted mean of the distances is zero.
+    // Two walls closer than the truncation; the farther one has a third of the weight. The surface
+    // is where the weighted mean distance is zero.
     const Camera camera{16, 16, 64, 64, 8, 8, {}};
     const std::vector<float> near(256, 2.0f), far(256, 2.1f);
     const std::vector<float> heavy(256, 0.75f), light(256, 0.25f);

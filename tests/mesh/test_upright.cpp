@@ -1,4 +1,4 @@
-// Which way is up, by how people hold cameras.
+// Finds the up direction from the way people hold cameras.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,7 +10,7 @@
 namespace tvsgs {
 namespace {
 
-/// The scene's up is +z here, cameras on an arc that look down at it.
+/// The scene's up is +z; cameras on an arc look down at it.
 TEST(Upright, UpIsAcrossTheRowsOfLevelCameras) {
     const auto up_error_deg = [](const std::vector<Camera>& cameras) {
         const Mat3<double> R = upright_from_scene(cameras);
@@ -29,7 +29,8 @@ TEST(Upright, UpIsAcrossTheRowsOfLevelCameras) {
     EXPECT_LT(up_error_deg(arc(330, 12)), 0.1);
     EXPECT_LT(up_error_deg(arc(40, 3)), 2) << "the mean upward axis alone is 33 degrees off";
     EXPECT_LT(up_error_deg(arc(0, 1)), 35) << "one camera: its own";
-    // From where the middle camera looks, and not mirrored: +z towards it, its right on the right.
+    // Seen from the middle camera, and not mirrored: +z points to the camera, its right is on the
+    // right.
     const std::vector<Camera> cameras = arc(40, 3);
     const Mat3<double> R = upright_from_scene(cameras);
     const Vec3d seen_from = R * normalize(vec_cast<double>(camera_centre(cameras[1])));
