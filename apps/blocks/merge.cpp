@@ -1,4 +1,4 @@
-// tvsgs-blocks merge: the splats of all blocks as one run.
+// tvsgs-blocks merge: joins the splats of all blocks to one run.
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -23,7 +23,7 @@ struct MergeArguments {
     double fade = 3;
 };
 
-/// All of them, or the first that is not as it has to be.
+/// Reads the results of all blocks. Throws for the first block without a valid result.
 std::vector<BlockResult> require_results(const BlocksManifest& manifest) {
     std::vector<BlockResult> results;
     for (int block = 1; block <= manifest.count(); ++block)
@@ -31,7 +31,7 @@ std::vector<BlockResult> require_results(const BlocksManifest& manifest) {
     return results;
 }
 
-/// cameras.json of the whole: of each view once, by name.
+/// cameras.json of the whole scene: each view once, by name.
 std::string cameras_of_blocks(const BlocksManifest& manifest) {
     std::map<std::string, JsonValue> cameras;
     for (int block = 1; block <= manifest.count(); ++block) {
@@ -69,7 +69,7 @@ int merge(const MergeArguments& a) {
                         ", whose runs it might replace; name a place outside of it"));
     require_free_run_folder(a.out, a.overwrite, false, options.scene);
 
-    // 1. Each block's part, then what is far.
+    // 1. The splats inside of each block's cell, then the far splats.
     std::vector<Gaussians<Cpu>> parts;
     std::int64_t own = 0, far_reach = 0, peak = 0;
     double seconds = 0, longest = 0;
@@ -96,7 +96,7 @@ int merge(const MergeArguments& a) {
     const std::string cameras = cameras_of_blocks(manifest);
     read_sky(options.train.loss.photometric, manifest.folder);
 
-    // 2. An ordinary run; all that it is made of has been read.
+    // 2. An ordinary run. Starts only after everything has been read.
     RunFolder run(a.out);
     run.save_config(
         table.json(JsonValue().add("version", kVersion).add("merged_from", manifest.folder)));

@@ -1,4 +1,4 @@
-// tvsgs-blocks run: one block as an ordinary tvsgs-train, and done.json when it has ended.
+// tvsgs-blocks run: trains one block with tvsgs-train and writes done.json when it has finished.
 #include "apps/blocks/run.h"
 
 #include <fcntl.h>
@@ -62,7 +62,7 @@ void check_scene(const BlocksManifest& manifest, const std::string& scene) {
 
 namespace {
 
-/// Seconds, splats and peak of the run, as the last line of its log has them.
+/// Reads seconds, splats and peak memory from the last line of a run's log.
 void read_summary(const std::string& log, BlockResult& result) {
     const auto damaged = [](const std::string& why) { throw Error(ExitCode::input, why); };
     for (const JsonValue& line : parse_json_lines(read_bytes(log), log, damaged)) {
@@ -73,7 +73,7 @@ void read_summary(const std::string& log, BlockResult& result) {
     }
 }
 
-/// Words for tvsgs-train that say what a block of `blocks` is of.
+/// Arguments of tvsgs-train for a block.
 std::vector<std::string> block_words(const std::string& blocks,
                                      const std::string& scene,
                                      const std::string& folder,
@@ -94,15 +94,15 @@ std::vector<std::string> block_words(const std::string& blocks,
     return words;
 }
 
-/// A run that ended, and its process before it could say so.
+/// Whether a run finished but its process ended before done.json was written.
 bool cannot_go_on(const std::string& run) {
     std::error_code code;
     return holds_splats(run) &&
            fs::directory_iterator(run + "/checkpoints", code) == fs::directory_iterator();
 }
 
-/// Trains while the block counts as not trained. What is refused before it has replaced anything
-/// leaves the block as it was.
+/// Trains while the block counts as untrained. If tvsgs-train refuses before it has replaced
+/// anything, the block keeps its state.
 template <class Train>
 void without_record(const BlocksManifest& manifest,
                     int block,
@@ -127,7 +127,7 @@ void without_record(const BlocksManifest& manifest,
 }
 
 int run_block(const RunArguments& a, bool quiet) {
-    // Runs keep these paths, and are gone on with from other folders.
+    // Absolute, because runs store these paths and can be resumed from other folders.
     const BlocksManifest manifest =
         read_manifest(fs::absolute(a.folder).lexically_normal().string());
     if (a.block < 1 || a.block > manifest.count())

@@ -1,4 +1,4 @@
-// Training one block in this process, or all of them in processes of their own.
+// Trains one block in this process, or all blocks in separate processes.
 #pragma once
 
 #include <string>
@@ -17,15 +17,15 @@ struct RunArguments {
     std::vector<std::string> settings;
 };
 
-/// The settings of the whole, as split resolved them, with those of the command line.
+/// The settings of the whole scene, as resolved by split, with those of the command line.
 RunOptions whole_options(const BlocksManifest& manifest,
                          const std::vector<std::string>& settings = {});
 
 /// Throws Error(ExitCode::input) unless `scene` is the one that was split.
 void check_scene(const BlocksManifest& manifest, const std::string& scene);
 
-/// Trains the blocks that are not done side by side, on the GPUs or in so many processes on the
-/// CPU. Returns the exit code of the first block that failed twice, or 0.
+/// Trains the unfinished blocks in parallel, one per GPU or in several processes on the CPU.
+/// Returns the exit code of the first block that failed twice, or 0.
 int run_all_blocks(const RunArguments& arguments);
 
 }  // namespace tvsgs

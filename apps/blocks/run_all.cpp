@@ -24,7 +24,7 @@ std::vector<std::string> places_of(const RunArguments& a) {
     return places;
 }
 
-/// A damaged result is not done: its process says what is wrong with it.
+/// A damaged result counts as not done; the block's process reports the damage.
 bool is_done(const BlocksManifest& manifest, int block) {
     try {
         return read_block_result(manifest, block).has_value();
@@ -42,10 +42,10 @@ std::vector<BlockJob> jobs_of(const BlocksManifest& manifest, int iterations) {
     return jobs;
 }
 
-/// Threads and host memory of one process when `places` of them run side by side.
+/// Threads and host memory of each of `places` parallel processes.
 struct Share {
     int threads;
-    std::string host_memory;  // empty: by the settings
+    std::string host_memory;  // empty: as in the settings
 
     Share(const RunOptions& options, std::size_t places)
         : threads(std::max(1, thread_count() / static_cast<int>(places))) {
@@ -82,7 +82,7 @@ ChildProcess::Command command_of(const BlocksManifest& manifest,
     return command;
 }
 
-/// Lines of all blocks: on a terminal in place, else one of each block every 10 s.
+/// Progress of all blocks: rewritten in place on a terminal, else one line per block every 10 s.
 class ProgressView {
 public:
     void show(const std::vector<BlockProgress>& running, int done, int waiting) {

@@ -1,4 +1,4 @@
-// tvsgs-blocks slurm: a job array for Slurm, one task for each block.
+// tvsgs-blocks slurm: prints a Slurm job array with one task per block.
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -12,7 +12,7 @@ struct SlurmArguments {
     std::string folder, device = "cuda";
 };
 
-/// The options of sbatch have quotes of their own, not a shell's; a '%' stands for itself twice.
+/// Quotes a path for an sbatch option, whose rules differ from a shell's; '%' is written twice.
 std::string for_sbatch(const std::string& path) {
     std::string quoted = "\"";
     for (const char c : path)
@@ -20,8 +20,8 @@ std::string for_sbatch(const std::string& path) {
     return quoted + "\"";
 }
 
-/// A task that is queued again, as its node failed, adds to its log and goes on from its
-/// checkpoint. sh becomes tvsgs-blocks, so that the signal before the time limit reaches it.
+/// A task that Slurm requeues after a node failure appends to its log and resumes from its
+/// checkpoint. `exec` replaces sh, so that the signal before the time limit reaches tvsgs-blocks.
 int print_job(const SlurmArguments& a) {
     const BlocksManifest manifest =
         read_manifest(std::filesystem::absolute(a.folder).lexically_normal().string());

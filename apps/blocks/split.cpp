@@ -1,4 +1,4 @@
-// tvsgs-blocks split: a coarse run of the whole, and from it blocks that train by themselves.
+// tvsgs-blocks split: trains the whole scene coarsely and splits it into independent blocks.
 #include <filesystem>
 #include <memory>
 
@@ -28,11 +28,10 @@ struct SplitArguments {
     SplitOptions split;
 };
 
-/// There while a folder is being split: such a one may be begun again.
+/// Exists while a folder is being split; such a folder may be split again.
 constexpr const char* kUnfinished = "/split-unfinished";
 
-/// A folder that may be written: new, empty, or of a split that did not get to its end. Others are
-/// not ours to empty, be they lists of our files or not.
+/// Requires a folder that is new, empty, or of an unfinished split. Never empties any other folder.
 void require_free_folder(const std::string& out) {
     std::error_code code;
     if (fs::exists(out + "/manifest.json", code))
@@ -46,7 +45,7 @@ void require_free_folder(const std::string& out) {
                     str("--out ", out, ": exists and is not an empty folder; choose another"));
 }
 
-/// The coarse run in BLOCKS/coarse; goes on where it was stopped.
+/// Trains the coarse run in BLOCKS/coarse, or resumes it.
 std::string train_coarse(const SplitArguments& a, bool quiet) {
     const std::string run = a.out + "/coarse";
     spdlog::info("the coarse run, in {}", run);
@@ -69,7 +68,7 @@ std::string train_coarse(const SplitArguments& a, bool quiet) {
     return run;
 }
 
-/// Settings of the whole, from those that the coarse run has resolved.
+/// Settings of the whole scene, from the resolved settings of the coarse run.
 void configure(const SplitArguments& a, const std::string& coarse, OptionTable& table) {
     table.read_file(run_config_path(coarse));
     if (!a.coarse.empty()) {
@@ -78,7 +77,7 @@ void configure(const SplitArguments& a, const std::string& coarse, OptionTable& 
     }
     const std::string by = "tvsgs-blocks split";
     if (!a.scene.empty()) table.set("scene.path", a.scene, by);
-    // The plan has been made; all blocks keep it.
+    // The plan was made by the coarse run; all blocks keep it.
     table.set("plan.enabled", "false", by), table.set("plan.time_budget", "0", by);
     table.set("plan.until", "iterations", by);
     if (a.has_resolution || a.coarse.empty())
@@ -100,8 +99,8 @@ void check_supported(const RunOptions& options) {
             "ones elsewhere; for refined ones split the scene with those of a run");
 }
 
-/// Settings of one block: those of the whole without what it says of views, and with rates and
-/// sizes that count in scene extents by the extent of the whole.
+/// Settings of one block: those of the whole scene without its view lists; rates and sizes relative
+/// to the scene extent are converted to the extent of the whole.
 std::string block_config(const RunOptions& options,
                          const std::string& base,
                          double whole_over_block,
@@ -134,11 +133,11 @@ struct Splitting {
     const Scene& scene;
     const Gaussians<Cpu>& coarse;
     PlyScales scales;
-    const std::string& base;  // settings of the whole
+    const std::string& base;  // settings of the whole scene
     double finer;
 };
 
-/// Writes one block; its file in the manifest.
+/// Writes one block; returns its entry in the manifest.
 FileRecord write_block(const Splitting& s,
                        const BlocksManifest& manifest,
                        int number,
@@ -205,7 +204,7 @@ int split_scene(SplitArguments a, bool quiet) {
     start_manifest(a.out);
     write_text_file(a.out + kUnfinished, "tvsgs-blocks split has not come to its end\n");
 
-    // 1. The coarse run, and the settings of the whole.
+    // 1. The coarse run, and the settings of the whole scene.
     const std::string run = a.coarse.empty() ? train_coarse(a, quiet) : a.coarse;
     RunOptions of_coarse;
     OptionTable coarse_table;
@@ -221,7 +220,7 @@ int split_scene(SplitArguments a, bool quiet) {
     const Scene scene = read_scene_of_run(of_coarse.scene, run);
     const Gaussians<Cpu> coarse = read_splats(find_splats(run), scene.origin, of_coarse.train);
 
-    // 2. Cells, and what is in them.
+    // 2. Cells and their contents.
     const View& first = scene.train.front();
     const auto file_px = [&](int photo_px) {
         return static_cast<int>(std::lround(first.reduction * photo_px));
@@ -260,7 +259,7 @@ int split_scene(SplitArguments a, bool quiet) {
     write_text_file(a.out + "/config.json", base + "\n");
     write_splat_ply(a.out + "/coarse.ply", coarse, scene.origin, scales);
     manifest.files = {record_of(a.out, "config.json"), record_of(a.out, "coarse.ply")};
-    if (has_exposures(run)) {  // one gauge for all blocks
+    if (has_exposures(run)) {  // all blocks use the exposures of the coarse run
         write_text_file(a.out + "/exposure.json", read_bytes(run + "/exposure.json"));
         manifest.files.push_back(record_of(a.out, "exposure.json"));
         spdlog::info("the exposures that {} has fitted are held in all blocks", run);

@@ -1,4 +1,4 @@
-// tvsgs-blocks status: which blocks wait, train, are done or damaged.
+// tvsgs-blocks status: shows which blocks are waiting, training, done or damaged.
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -17,7 +17,7 @@ struct StatusArguments {
     bool missing = false, json = false;
 };
 
-/// The last iteration that a log names; 0: there is none yet.
+/// The last iteration in a log; 0: none yet.
 int last_iteration(const std::string& log) {
     std::error_code code;
     if (!fs::is_regular_file(log, code)) return 0;

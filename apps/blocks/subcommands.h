@@ -1,4 +1,4 @@
-// The subcommands of tvsgs-blocks, and what they share.
+// The subcommands of tvsgs-blocks and their common parts.
 #pragma once
 
 #include <functional>
@@ -10,10 +10,10 @@
 
 namespace tvsgs {
 
-/// Adds a subcommand with its flags to `app`; returns it and what runs when it was chosen.
+/// A subcommand with its flags in `app`, and the function to run if it is chosen.
 struct BlocksCommand {
     CLI::App* command;
-    std::function<int(bool quiet)> run;  // to exit code
+    std::function<int(bool quiet)> run;  // returns the exit code
 };
 BlocksCommand add_blocks_split(CLI::App& app);
 BlocksCommand add_blocks_run(CLI::App& app);
@@ -21,16 +21,16 @@ BlocksCommand add_blocks_slurm(CLI::App& app);
 BlocksCommand add_blocks_status(CLI::App& app);
 BlocksCommand add_blocks_merge(CLI::App& app);
 
-/// BLOCKS, of which all but `split` are.
+/// BLOCKS, the folder that all subcommands but `split` read.
 inline void add_blocks_folder(CLI::App& command, std::string& folder) {
     command.add_option("folder,-b,--blocks", folder, "folder that tvsgs-blocks split has written")
         ->required();
 }
 
-/// Holds a block's folder for this process; another one is refused.
+/// Locks a block's folder for this process.
 class BlockLock {
 public:
-    /// Tells by held() whether another process has it.
+    /// held() is false if another process has the lock.
     explicit BlockLock(const std::string& folder);
     BlockLock(const BlockLock&) = delete;
     BlockLock& operator=(const BlockLock&) = delete;
@@ -42,7 +42,7 @@ private:
     bool held_ = false;
 };
 
-/// tvsgs-train, in this process. Throws as it does.
+/// Runs tvsgs-train in this process. Throws what it throws.
 void run_train(const std::vector<std::string>& words);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// tvsgs-blocks: scenes larger than one GPU. Cells of the ground, each trained by an ordinary
-// tvsgs-train that any batch system starts, and put together again.  [docs/guide/blocks.md]
+// tvsgs-blocks: trains scenes larger than one GPU in cells of the ground, each with an ordinary
+// tvsgs-train that any batch system can start, and merges the results. [docs/guide/blocks.md]
 #include "apps/blocks/subcommands.h"
 
 namespace tvsgs {

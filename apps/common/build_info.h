@@ -1,18 +1,18 @@
-// What this program was built of, and which commands were built with it.
+// Version and configuration of this build, and the list of its commands.
 #pragma once
 
 #include <vector>
 
 namespace tvsgs {
 
-/// What --version says: the version on its first line, then the build, its device code and its
+/// Text of --version: the version on the first line, then the build, its device code and its
 /// libraries.
 extern const char* const kBuildInfo;
 
 struct CommandEntry {
-    const char* name;     // tvsgs-train
+    const char* name;     // such as tvsgs-train
     const char* summary;  // one line
-    const char* package;  // that it is installed by
+    const char* package;  // the package that contains it
 };
 
 /// In the order of apps/CMakeLists.txt, without `tvsgs` itself.

@@ -32,7 +32,7 @@ namespace {
 /// Thrown after --help or --version has been printed.
 struct AskedAndAnswered {};
 
-/// What was asked for has to arrive, unless the reader had enough of it.
+/// Reports a failed write to standard output, unless the reader has closed it.
 void flush_standard_output() {
     errno = 0;
     if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE)
@@ -40,26 +40,26 @@ void flush_standard_output() {
                                       errno != 0 ? str(": ", std::strerror(errno)) : ""));
 }
 
-/// A reader that leaves (`| head`) must not kill a training, and a standard stream that was closed
-/// must not lend its number to a file of the run, into which messages would then go.
+/// Ignores SIGPIPE, so that a reader that ends (`| head`) does not kill a training. Opens closed
+/// standard streams, so that no file of the run gets their numbers and receives messages.
 void guard_standard_streams() {
     std::signal(SIGPIPE, SIG_IGN);
-    std::signal(SIGXFSZ, SIG_IGN);  // a file that must not grow is an error with a message
+    std::signal(SIGXFSZ, SIG_IGN);  // a file-size limit becomes an error with a message
     for (int stream = 0; stream < 3; ++stream)
         if (fcntl(stream, F_GETFD) == -1)
             open("/dev/null", O_RDWR);  // takes the lowest free number
 }
 
-constexpr const char* kPlainLetters =  // that a shell takes as they are
+constexpr const char* kPlainLetters =  // need no quotes in a shell
     "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./+=:,@%";
-constexpr const char* kManFlag = "--help-man";      // cmake/install.cmake
-constexpr const char* kWordsFlag = "--help-words";  // packaging/tvsgs.bash
+constexpr const char* kManFlag = "--help-man";      // used by cmake/install.cmake
+constexpr const char* kWordsFlag = "--help-words";  // used by packaging/tvsgs.bash
 
 std::vector<CLI::App*> subcommands_of(CLI::App& app) {
     return app.get_subcommands(std::function<bool(CLI::App*)>([](CLI::App*) { return true; }));
 }
 
-/// What a flag of text takes, by its first long name.
+/// Placeholder for the text value of an option, by its first long name.
 std::string type_of(const CLI::Option& option) {
     static const std::map<std::string, std::string> kTypes{
         {"set", "KEY=VALUE"},   {"require", "KEY<=X"},     {"device", "DEVICE"},
@@ -76,8 +76,8 @@ std::string type_of(const CLI::Option& option) {
     return found != kTypes.end() ? found->second : kFiles.contains(name) ? "PATH" : "TEXT";
 }
 
-/// What all flags have in common: the last one wins, and help says the default where the
-/// description does not.
+/// Settings of all options: the last value wins, and help shows the default unless the description
+/// does.
 void settle_flags(CLI::App& app) {
     app.set_help_flag("-h,--help", "print this page and stop");
     app.set_help_all_flag("--help-all", "print every flag and stop");
@@ -98,7 +98,7 @@ void settle_flags(CLI::App& app) {
     for (CLI::App* sub : subcommands_of(app)) settle_flags(*sub);
 }
 
-/// The words that shells complete by; of a subcommand where one is named.
+/// Completion words of the command, or of the subcommand in `argv`.
 std::string words_for_shell(CLI::App& app, int argc, char* const* argv) {
     for (int i = 1; i < argc; ++i)
         for (CLI::App* sub : subcommands_of(app))
@@ -106,13 +106,13 @@ std::string words_for_shell(CLI::App& app, int argc, char* const* argv) {
     return completion_words(app);
 }
 
-/// The first word that no flag and no place takes.
+/// The first word that is neither an option nor a positional argument.
 std::string first_extra(const CLI::App& app) {
     const std::vector<std::string> extras = app.remaining(true);
     return extras.empty() ? "DIR" : extras.front();
 }
 
-/// What a command without flags before its words expects; empty: it takes none.
+/// The positional arguments of a command; empty: none.
 std::string missing_places(const CLI::App& app) {
     std::string places;
     for (const CLI::Option* option : app.get_options())
@@ -121,7 +121,7 @@ std::string missing_places(const CLI::App& app) {
     return places.empty() ? "" : str("; expected ", app.get_name(), places);
 }
 
-/// Prints what was asked for and ends the command.
+/// Prints `text` and ends the command.
 [[noreturn]] void answer(const std::string& text) {
     std::fputs(text.c_str(), stdout);
     flush_standard_output();
@@ -176,7 +176,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
     };
     collect(app);
     try {
-        app.parse(std::vector<std::string>(words));  // it would eat the words
+        app.parse(std::vector<std::string>(words));  // parse() modifies the words
     } catch (const CLI::CallForHelp&) {
         answer(help_page(app));
     } catch (const CLI::CallForAllHelp&) {
@@ -196,7 +196,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
             hint = near.empty() ? str("; unknown flag ", flag)
                                 : str("; unknown flag ", flag, ", did you mean ", near, "?");
         }
-        // A folder without its flag, where no place takes it.
+        // A folder without its flag, where no positional argument takes it.
         const auto is = [&](CLI::ExitCodes code) {
             return hint.empty() && error.get_exit_code() == static_cast<int>(code);
         };
@@ -251,12 +251,12 @@ int run_command(const std::function<int()>& command) {
         std::fprintf(stderr, "error: %s\n", error.what());
         return static_cast<int>(error.code());
     } catch (const std::filesystem::filesystem_error& error) {
-        // A link to itself, a folder that may not be entered, a name that is too long.
+        // For example a link to itself, a folder without permission, a name that is too long.
         std::fprintf(stderr, "error: %s: %s\n", error.path1().c_str(),
                      error.code().message().c_str());
         return static_cast<int>(ExitCode::io);
     } catch (const std::bad_alloc&) {
-        // The library does not say how much it was asked for.
+        // std::bad_alloc does not give the size.
         const Error explained = out_of_memory(
             str("the host gave no more beside the ", memory_use(Cpu{}).current_bytes >> 20,
                 " MiB of buffers; ", free_bytes(Cpu{}) >> 20, " MiB are free on the machine"));

@@ -1,4 +1,5 @@
-// What all commands share: flags, and one place where exceptions become messages and exit codes.
+// Common parts of all commands: options, and the conversion of exceptions to messages and exit
+// codes.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -12,28 +13,29 @@
 
 namespace tvsgs {
 
-/// For flags that ask for a number above 0.
+/// Requires a number above 0.
 extern const CLI::Validator kPositive;
 
-/// For flags that ask for a number: unlike CLI::Range takes no NaN.
+/// Requires a number in a range; unlike CLI::Range, rejects NaN.
 CLI::Validator in_range(double low, double high);
 
-/// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
-/// become Error(ExitCode::usage); an unknown flag names the nearest one. Adds --version, --help and
-/// --help-all, and answers them; so, too, what is meant for programs: --help-man (the manual) and
-/// --help-words (for completion), which have to stand last.
+/// Parses options, with '_' and '-' alike in long names; the last value of a repeated option wins.
+/// Errors become Error(ExitCode::usage); an unknown option names the nearest one. Adds and answers
+/// --version, --help and --help-all, and for programs --help-man (the manual) and --help-words (for
+/// completion), which must come last.
 void parse_command_line(CLI::App& app, int argc, char* const* argv);
 
-/// A flag for a file to write, which may replace none but ours: said before any work is done.
+/// An option for an output file. Refuses to replace files that tvsgs did not write, before any work
+/// is done.
 CLI::Option* add_output_flag(CLI::App& app,
                              const std::string& names,
                              std::string& file,
                              const std::string& description);
 
-/// The word as a shell takes it: in quotes where it needs them.
+/// Quotes a word for a shell if necessary.
 std::string for_shell(const std::string& word);
 
-/// The last message of a command: the line to type next, quoted for a shell, and what it does.
+/// The last message of a command: the next command, quoted for a shell, and its purpose.
 void say_next(std::initializer_list<std::string> words, const std::string& what);
 
 /// Runs a command; every exception ends as one message on standard error and the exit code of its

@@ -10,9 +10,9 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kLongPage = 26;  // flags; what is longer does not fit on a screen
+constexpr std::size_t kLongPage = 26;  // flags; a longer page does not fit on a screen
 
-/// Flags that a long page shows at once, of whatever command has them.
+/// Common flags of all commands, which a long page shows.
 const std::set<std::string>& flags_of_most_days() {
     static const std::set<std::string> names{
         "scene", "model",   "images",      "resolution", "eval",      "views",   "num-views",
@@ -36,7 +36,7 @@ bool takes_value(const CLI::Option& option) {
     return option.get_expected_max() > 0;
 }
 
-/// Text that man(7) shows as it is.
+/// Escapes text for man(7).
 std::string roff(const std::string& text) {
     std::string out;
     for (const char c : text) {
@@ -47,7 +47,7 @@ std::string roff(const std::string& text) {
         else if ((c == '.' || c == '\'') && (out.empty() || out.back() == '\n'))
             out += std::string("\\&") + c;
         else if (c == ',')
-            out += ",\\:";  // long lists of choices may be broken here
+            out += ",\\:";  // allows line breaks in long lists of choices
         else
             out += c;
     }
@@ -110,7 +110,7 @@ std::string man_page(const CLI::App& app) {
     for (char& c : title) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
     const auto subcommands = subcommands_of(app);
     std::string out = str(".TH ", roff(title), " 1 \"\" \"", kVersion, "\" \"User Commands\"\n");
-    out += ".ad l\n";  // a line of choices has no spaces to be stretched
+    out += ".ad l\n";  // a line of choices has no spaces to stretch
     out += str(".SH NAME\n", roff(app.get_name()), " \\- ", roff(app.get_description()), "\n");
     out += str(".SH SYNOPSIS\n.B ", roff(app.get_name()),
                subcommands.empty() ? "\n[flags]\n" : "\ncommand [flags]\n");
@@ -120,7 +120,7 @@ std::string man_page(const CLI::App& app) {
             str(".TP\n\\fB", roff(sub->get_name()), "\\fR\n", roff(sub->get_description()), "\n");
     out += ".SH OPTIONS\n" + man_flags(app);
     for (const CLI::App* sub : subcommands)
-        if (flags_of(*sub).size() > 1)  // --help alone says nothing
+        if (flags_of(*sub).size() > 1)  // --help alone is not worth a section
             out += str(".SH OPTIONS OF ", roff(sub->get_name()), "\n", man_flags(*sub));
     out +=
         ".SH EXIT STATUS\n0 done; 1 internal error; 2 usage or configuration; 3 input data; 4 out "

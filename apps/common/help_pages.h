@@ -1,4 +1,4 @@
-// What a command says about its flags: to people, to man and to the shell; all from its CLI::App.
+// Help, manual and completion words of a command, from its CLI::App.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -6,15 +6,14 @@
 
 namespace tvsgs {
 
-/// The flags of most days where there are many (--help-all has the others), all where there are
-/// few.
+/// Help with the common flags if there are many (--help-all shows the others), else with all.
 std::string help_page(CLI::App& app);
 
-/// In the format of man(7), section 1, of every flag and subcommand.
+/// Manual of every flag and subcommand, in the format of man(7), section 1.
 std::string man_page(const CLI::App& app);
 
-/// One line for each word that may follow: subcommands and long flags; after a flag that takes a
-/// value, a tab and what it may be: choices, or nothing where files are expected.
+/// One line per possible word: subcommands and long flags. A flag with a value has a tab and its
+/// choices, or nothing after the tab for files.
 std::string completion_words(const CLI::App& app);
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// Command-line flags that stand for configuration keys.
+// Command-line flags that set configuration keys.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -11,11 +11,11 @@
 
 namespace tvsgs {
 
-/// Notes what is given while the command line is read, so that it can be set after files and the
-/// environment. Must outlive the parsing.
+/// Stores values while the command line is parsed, to set them after files and the environment.
+/// Must outlive the parsing.
 class KeyFlags {
 public:
-    /// `table` has the types and defaults that help shows; a key that it does not have is an error.
+    /// `table` gives types and defaults for help; an unknown key is an error.
     KeyFlags(CLI::App& app, const OptionTable& table) : app_(app), table_(table) {}
     KeyFlags(const KeyFlags&) = delete;
     KeyFlags& operator=(const KeyFlags&) = delete;
@@ -35,7 +35,7 @@ public:
             ->group(group);
     }
 
-    /// Where the photographs are, and which of them to use.
+    /// Flags for the photographs of the scene and their selection.
     void add_scene(const char* group = "Scene") {
         add("-s,--scene,--source-path,--data", "scene.path",
             "folder of the scene: photographs with their cameras", group);

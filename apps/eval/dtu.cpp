@@ -1,4 +1,4 @@
-// tvsgs-eval dtu: the official DTU evaluation.  docs/guide/evaluation.md
+// tvsgs-eval dtu: the official DTU evaluation. docs/guide/evaluation.md
 #include <memory>
 #include <optional>
 
@@ -53,7 +53,7 @@ int dtu(const DtuArguments& a) {
     else
         options.seed = a.seed;
 
-    // 1. Read, to millimetres, cull.
+    // 1. Read, convert to millimetres, cull.
     const DtuTruth truth = read_dtu_truth(a.dtu, a.scan);
     Prediction in = read_prediction(a.pred, a.min_opacity);
     const std::string camera_file = find_dtu_cameras(a.cameras, a.cull.masks);
@@ -111,7 +111,7 @@ int dtu(const DtuArguments& a) {
         throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
                                          ", so that the metrics are undefined"));
     if (!a.clouds.empty()) {
-        constexpr double kFull = 10;  // mm, as the official pictures
+        constexpr double kFull = 10;  // mm, as in the official pictures
         const ErrorPalette palette = find_palette(a.palette, ErrorPalette::dtu);
         write_error_cloud(a.clouds + "/accuracy.ply", m.prediction, palette, kFull);
         write_error_cloud(a.clouds + "/completeness.ply", m.reference, palette, kFull);

@@ -1,4 +1,4 @@
-// tvsgs-eval geometry: distances between a prediction and the truth in one frame.
+// tvsgs-eval geometry: measures distances between a prediction and the truth in one frame.
 #include <memory>
 #include <optional>
 
@@ -21,7 +21,7 @@ struct GeometryArguments {
     std::vector<std::string> require;
 };
 
-/// Of a frame in which float has digits left, also where the file is in UTM coordinates.
+/// Origin of a frame in which float is precise enough, also if the file is in UTM coordinates.
 Vec3d origin_of(const std::string& path) {
     std::vector<Vec3d> positions = read_mesh_geometry(path).positions;
     std::erase_if(positions, [](Vec3d p) { return !is_finite(p); });

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using Words = std::vector<std::string>;
 
-/// What "${NAME}" stands for in the texts of a matrix.
+/// Values of "${NAME}" in the texts of a matrix.
 using Names = std::map<std::string, std::string>;
 
 std::string joined(const Words& words) {
@@ -33,13 +33,13 @@ std::string joined(const Words& words) {
     return line;
 }
 
-/// Finished runs are known by their flags: however a folder is spelled, it is the same text.
+/// Normalises a folder's name, because finished runs are recognised by their flags.
 std::string folder_text(const fs::path& folder) {
     const fs::path whole = fs::weakly_canonical(folder);
     return (whole.has_filename() ? whole : whole.parent_path()).string();
 }
 
-/// As joined(), for a shell to read.
+/// Like joined(), quoted for a shell.
 std::string shell_line(const Words& words) {
     std::string line;
     for (const std::string& word : words) line += " " + for_shell(word);
@@ -50,7 +50,7 @@ void append(Words& words, const Words& more) {
     words.insert(words.end(), more.begin(), more.end());
 }
 
-/// Runs a tool that stands beside this one; its exit code, or 128 + signal.
+/// Runs a tool next to this one; returns its exit code, or 128 + signal.
 int run_tool(const std::string& name, const Words& words) {
     spdlog::info("{}{}", name, joined(words));
     const std::string path = (fs::read_symlink("/proc/self/exe").parent_path() / name).string();
@@ -109,7 +109,7 @@ Words words_of(const std::string& file,
     return words;
 }
 
-/// Names are those of folders below "out".
+/// Names must be valid for folders below "out".
 void check_name(const std::string& file, const std::string& what, const std::string& name) {
     if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
         refuse(file, str(what, " '", name, "' is no name of a folder, which has no '/'"));
@@ -181,7 +181,7 @@ std::vector<std::uint64_t> seeds_of(const std::string& file, const JsonValue& li
     return seeds;
 }
 
-/// True when it is trained, meshed and measured.
+/// Whether a run is trained, meshed and measured.
 bool complete(const std::string& run,
               const Words& train,
               const MatrixScene& scene,

@@ -1,4 +1,4 @@
-// The runs of a table: scenes x configurations x seeds, trained, meshed and measured.
+// Runs the experiments of a table: scenes x configurations x seeds, trained, meshed and measured.
 #pragma once
 
 #include <string>
@@ -8,16 +8,16 @@ namespace tvsgs {
 
 struct MatrixOptions {
     std::string file;
-    std::string data;                 // what "${data}" stands for; empty: nothing
+    std::string data;                 // value of "${data}"; empty: none
     std::vector<std::string> scenes;  // only these; empty: all
-    bool dry_run = false;             // print the commands instead
-    bool quiet = false;               // the commands say no more than warnings and errors
+    bool dry_run = false;             // print the commands without running them
+    bool quiet = false;               // the commands only print warnings and errors
 };
 
-/// Carries out what a matrix file asks for (docs/guide/evaluation.md) and returns its runs as
-/// CONFIGURATION=DIR. Finished runs are left as they are, interrupted ones resumed; one that fails
-/// is reported and left out. Throws Error(ExitCode::input) for a file that is no matrix, and
-/// Error(ExitCode::usage) when a finished run was trained with other flags.
+/// Runs the experiments of a matrix file (docs/guide/evaluation.md) and returns the runs as
+/// CONFIGURATION=DIR. Skips finished runs and resumes interrupted ones; a failed run is reported
+/// and left out. Throws Error(ExitCode::input) for an invalid file, and Error(ExitCode::usage) if a
+/// finished run was trained with other flags.
 std::vector<std::string> run_matrix(const MatrixOptions& options);
 
 }  // namespace tvsgs

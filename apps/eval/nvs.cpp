@@ -1,4 +1,4 @@
-// tvsgs-eval nvs: how well a run renders its test views.
+// tvsgs-eval nvs: measures how well a run renders its test views.
 #include <memory>
 
 #include "apps/eval/result.h"
@@ -22,7 +22,7 @@ struct NvsArguments {
     std::vector<std::string> require;
 };
 
-/// results.json and per_view.json as 3DGS's metrics.py writes them.
+/// Writes results.json and per_view.json in the format of 3DGS's metrics.py.
 void write_metrics_files(const std::string& run,
                          const std::string& method,
                          const ViewScores& scores) {
@@ -58,7 +58,7 @@ int nvs(const NvsArguments& arguments) {
     options.add_to(table);
     table.read_file(run_config_path(arguments.model));
     if (!arguments.scene.empty()) options.scene.path = arguments.scene;
-    // Else it takes the place of the run's folder, which may be gone.
+    // Otherwise the masks replace those of the run's configuration, which may be gone.
     if (!arguments.masks.empty() && !arguments.masked && options.scene.masks.empty())
         throw Error(ExitCode::usage,
                     str("--masks ", arguments.masks, ": belongs to --masked, which is missing"));

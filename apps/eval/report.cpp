@@ -1,4 +1,4 @@
-// tvsgs-eval report: report.json and report.html of a run, made again from its folder.
+// tvsgs-eval report: writes report.json and report.html of a run again from its folder.
 #include <memory>
 
 #include "apps/eval/subcommands.h"

@@ -1,4 +1,4 @@
-// Where results go.
+// Output of results.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@ namespace tvsgs {
 /// Prints the report, and writes it to `out` unless that is empty.
 void put_report(const JsonValue& json, const std::string& out);
 
-/// The last of the files that this command has put into a run folder: its report is made anew in
-/// the end.
+/// The last file that this command has put into a run folder; the run's report is updated at the
+/// end.
 std::string& result_of_run();
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// tvsgs-eval run: every evaluation that applies to a run folder, by the other subcommands.
+// tvsgs-eval run: runs every evaluation that applies to a run folder, with the other subcommands.
 #include <filesystem>
 #include <memory>
 
@@ -20,7 +20,7 @@ struct RunArguments {
     bool masked = false;
 };
 
-/// Without what is empty.
+/// Flags with their values; omits empty values.
 Words flags(std::initializer_list<std::pair<const char*, std::string>> pairs) {
     Words words;
     for (const auto& [flag, value] : pairs)
@@ -45,7 +45,7 @@ void call(EvalCommand add(CLI::App&), Words words, const Words& more) {
     command.run();
 }
 
-/// What `dtu` needs of the scene; the mesh alone is culled.
+/// Arguments of `dtu` for the scene; only the mesh is culled.
 Words dtu_words(const RunArguments& a, const std::string& scene, bool of_mesh) {
     std::string cameras = a.cameras;
     for (const char* name : {"cameras.npz", "cameras_sphere.npz"})
@@ -59,7 +59,7 @@ Words dtu_words(const RunArguments& a, const std::string& scene, bool of_mesh) {
     return words;
 }
 
-/// Flags of an evaluation that is not done would have no effect.
+/// Refuses flags of an evaluation that does not run.
 void check_owners(const RunArguments& a, const std::string& gt) {
     struct Owned {
         const char* flag;
@@ -94,7 +94,7 @@ int run(const RunArguments& a) {
     table.read_file(run_config_path(a.model));
     const std::string scene = a.scene.empty() ? options.scene.path : a.scene,
                       gt = a.gt.empty() ? options.eval.gt : a.gt;
-    const bool own_gt = a.gt.empty();  // with its crop and thresholds
+    const bool own_gt = a.gt.empty();  // with its own crop and thresholds
     const auto given = [&](const std::string& flag, const std::string& of_run) {
         return flag.empty() && own_gt ? of_run : flag;
     };
@@ -108,7 +108,8 @@ int run(const RunArguments& a) {
     std::vector<Prediction> predictions = {{"_centres", find_splats(a.model)}};
     const std::string mesh = find_mesh(a.model), alignment = a.model + "/eval/tnt";
     if (!mesh.empty())
-        predictions.insert(predictions.begin(), {"", mesh});  // first: the centres take its frame
+        // First, because the centres use its frame.
+        predictions.insert(predictions.begin(), {"", mesh});
     else
         spdlog::info("no mesh in {}/mesh; tvsgs-extract-mesh --model {} makes one", a.model,
                      for_shell(a.model));
@@ -143,7 +144,7 @@ int run(const RunArguments& a) {
             call(add_eval_dtu, words, out("dtu")), ++done;
         }
         if (!a.scene_dir.empty()) {
-            // The trained frame is that of the scene's own model; the centres take the mesh's.
+            // The trained frame is that of the scene's model; the centres use the mesh's.
             const std::string model = scene + "/sparse/0";
             const bool by_mesh = !suffix.empty() && predictions.size() == 2;
             const std::string traj = a.traj.empty() && fs::is_directory(model) ? model : a.traj;

@@ -27,7 +27,7 @@ Bound parse_bound(const std::string& text) {
                     ": expected KEY<=X or KEY>=X, for example chamfer<=2 or f1@1>=0.4"));
 }
 
-/// Keys with a threshold, as f1@1, compare it as a number: f1@1.0 is the same.
+/// Compares thresholds in keys such as f1@1 as numbers: f1@1.0 is the same key.
 bool same_key(const std::string& a, const std::string& b) {
     const auto split = [](const std::string& key) {
         const std::size_t at = key.find('@');

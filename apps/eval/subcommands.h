@@ -1,4 +1,4 @@
-// The subcommands of tvsgs-eval, and what they share.
+// The subcommands of tvsgs-eval and their common parts.
 #pragma once
 
 #include <functional>
@@ -9,10 +9,10 @@
 
 namespace tvsgs {
 
-/// Adds a subcommand with its flags to `app`; returns it and what runs when it was chosen.
+/// A subcommand with its flags in `app`, and the function to run if it is chosen.
 struct EvalCommand {
     CLI::App* command;
-    std::function<int()> run;  // to exit code
+    std::function<int()> run;  // returns the exit code
 };
 EvalCommand add_eval_geometry(CLI::App& app);
 EvalCommand add_eval_dtu(CLI::App& app);
@@ -22,7 +22,7 @@ EvalCommand add_eval_report(CLI::App& app);
 EvalCommand add_eval_run(CLI::App& app);
 EvalCommand add_eval_table(CLI::App& app);
 
-/// A result that --require can ask for, by the name it has there.
+/// A result that --require can test, by its name there.
 struct Metric {
     std::string key;
     double value;
@@ -43,20 +43,19 @@ struct Bound {
 /// Throws Error(ExitCode::usage).
 std::vector<Bound> parse_bounds(const std::vector<std::string>& texts);
 
-/// Exit code: that of an unmet bound when one of `bounds` does not hold.
+/// Returns the exit code: 0, or that of an unmet bound.
 int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics);
 
-/// Throws Error(ExitCode::usage) where a flag was given without what it belongs to: it would have
-/// no effect.
+/// Throws Error(ExitCode::usage) if a flag was given without the flag that it depends on.
 void require_owner(const CLI::App& command,
                    const char* flag,
                    bool has_owner,
                    const std::string& owner);
 
-/// Throws Error(ExitCode::usage) where both were given, of which one would have no effect.
+/// Throws Error(ExitCode::usage) if both flags were given, because one would have no effect.
 void refuse_both(const CLI::App& command, const char* flag, const char* other);
 
-/// --require, which all subcommands have.
+/// Adds --require, which all subcommands have.
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example);
 
 }  // namespace tvsgs

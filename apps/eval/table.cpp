@@ -1,4 +1,4 @@
-// tvsgs-eval table: the tables of several runs, and their errors over time in one plot.
+// tvsgs-eval table: tables of several runs, and one plot of their errors over time.
 #include "report/table.h"
 
 #include <filesystem>
@@ -27,7 +27,7 @@ TableRun named_run(const std::string& text) {
     return run;
 }
 
-/// Averaged with itself a run would look like several.
+/// A repeated run would count as several in the mean.
 void refuse_repeated(const std::vector<TableRun>& runs) {
     std::map<std::pair<std::string, fs::path>, std::string> seen;
     for (const TableRun& run : runs) {
@@ -40,7 +40,7 @@ void refuse_repeated(const std::vector<TableRun>& runs) {
     }
 }
 
-/// Nothing when the run has not finished.
+/// False if the run has not finished.
 bool read_run(TableRun& run) {
     const std::string& folder = run.folder;
     const std::string file = (fs::path(folder) / "report.json").string();

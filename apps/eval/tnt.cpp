@@ -1,4 +1,4 @@
-// tvsgs-eval tnt: the evaluation of Tanks and Temples.  docs/guide/evaluation.md
+// tvsgs-eval tnt: the evaluation of Tanks and Temples. docs/guide/evaluation.md
 #include <cmath>
 #include <cstdio>
 #include <memory>

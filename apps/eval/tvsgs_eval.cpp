@@ -1,4 +1,4 @@
-// tvsgs-eval: numbers out. Results go to standard output as JSON, messages to standard error.
+// tvsgs-eval: measures results. Writes JSON to standard output, messages to standard error.
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "report/run_report.h"
@@ -6,7 +6,7 @@
 namespace tvsgs {
 namespace {
 
-/// What was written, and what shows it.
+/// Logs the written file and how to view it.
 void say_result(const std::string& file) {
     spdlog::info("{}: scores", file);
     if (const std::string run = refresh_report(file); !run.empty())

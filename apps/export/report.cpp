@@ -23,7 +23,7 @@ const char* axes(SplatFrame frame) {
                                       : "x left, y up, z forward";
 }
 
-/// PSNR, or that there is nothing to tell apart.
+/// PSNR as text, or "no difference".
 std::string decibels(double psnr) {
     return std::isfinite(psnr) ? fmt::format("{:.2f} dB", psnr) : "no difference";
 }

@@ -1,4 +1,4 @@
-// What tvsgs-export says of the file it has written.
+// The report of tvsgs-export on the file it has written.
 #pragma once
 
 #include <optional>
@@ -17,23 +17,23 @@ struct ExportReport {
     int splats = 0, sh_degree = 0;
     std::uintmax_t bytes = 0;
     SelectionReport left_out;
-    // Of the check, where there was one:
+    // Results of the check, if there was one:
     std::optional<SplatErrors> errors;
-    double typical_size = 0;  // of typical_size()
-    int views = 0;            // that were rendered
+    double typical_size = 0;  // result of typical_size()
+    int views = 0;            // number of rendered views
     std::string view_kind;    // test or training
     double of_input = 0;      // PSNR of all splats
-    RenderScores scores;      // of those in the file, before and after
+    RenderScores scores;      // of the exported splats, before and after
 };
 
-/// The median of the splats' second standard deviations: what an error of positions compares with.
+/// The median of the splats' second standard deviations, to compare errors of positions with.
 double typical_size(const Gaussians<Cpu>& gaussians);
 
-/// As messages.
+/// Logs how many splats were left out, and why.
 void say_left_out(const SelectionReport& report, int of, std::size_t views);
 void say(const ExportReport& report);
 
-/// On one line, with its end.
+/// One line, with its end.
 std::string report_json(const ExportReport& report);
 
 }  // namespace tvsgs

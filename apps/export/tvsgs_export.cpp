@@ -1,4 +1,4 @@
-// tvsgs-export: splats in, a file for viewers out, and what the format has cost.
+// tvsgs-export: writes splats in a format for viewers and measures the loss of the format.
 #include <filesystem>
 
 #include "apps/common/command_line.h"
@@ -25,7 +25,7 @@ struct Arguments {
     bool quiet = false, verbose = false;
 
     SplatFormat format() const { return *splat_format(output); }
-    /// Whether the run's scene has to be there.
+    /// Whether the run's scene is required.
     bool needs_views() const {
         return !no_check || prune_unseen || max_splats > 0 ||
                (format() == SplatFormat::glb && !keep_axes);
@@ -43,7 +43,7 @@ bool is_run(const std::string& path) {
     return fs::is_directory(path, failure);
 }
 
-/// The report takes no name that the splats have, or what says where they lie.
+/// Refuses a report file that would replace the splats or their origin file.
 void check_report(const Arguments& a) {
     if (a.report.empty()) return;
     const std::string input = find_splats(a.input);
@@ -59,7 +59,7 @@ void check_report(const Arguments& a) {
     }
 }
 
-/// The run's configuration, if there is one, gives the scene; flags override it.
+/// Reads the run's configuration, if there is one, for the scene; flags override it.
 Arguments parse(int argc, char** argv, RunOptions& options) {
     Arguments a;
     OptionTable table;
@@ -131,7 +131,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     add_output_flag(app, "--out-report", a.report, "file for the same JSON")->group(group);
     flags.add_scene("Scene (default: that of the run)");
     parse_command_line(app, argc, argv);
-    flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
+    flags.set_keys(table);  // checks the flags before looking for any file
 
     std::error_code failure;
     if (!fs::exists(a.input, failure))
@@ -180,7 +180,7 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
     return out;
 }
 
-/// The splats of a file, and where their frame lies in that of the scene.
+/// The splats of a file, and the position of their frame in the scene's.
 struct Input {
     std::string path;
     Gaussians<Cpu> splats;
@@ -223,7 +223,7 @@ int command(int argc, char** argv) {
     RunOptions options;
     const Arguments a = parse(argc, argv, options);
     init_log(a.quiet ? Verbosity::quiet : a.verbose ? Verbosity::verbose : Verbosity::normal);
-    // 1. The splats, and the views that have seen them.
+    // 1. Read the splats, and the views that have seen them.
     SplatFileOptions how = file_options(a, options);
     const DeviceChoice device = choose_device(a.device);
     std::optional<Scene> scene;
@@ -244,7 +244,7 @@ int command(int argc, char** argv) {
             how.upright_from_scene = upright_from_scene(detail::cameras_of(scene->train));
     }
 
-    // 2. What goes into the file.
+    // 2. Select splats.
     SplatSelection selection;
     if (!a.box.empty()) {
         selection.box = parse_box("--bbox", a.box);
@@ -271,7 +271,7 @@ int command(int argc, char** argv) {
         throw input_error(in.path, ": none of its ", in.splats.size(), " splats is left to write");
     say_left_out(report.left_out, in.splats.size(), cameras.size());
 
-    // 3. The file, and what is in it.
+    // 3. Write the file, and check it.
     report.bytes = write_splat_file(a.output, kept, how);
     if (!a.no_check) {
         const Gaussians<Cpu> written = read_splat_file(a.output, how.frame, in.origin);
@@ -286,7 +286,7 @@ int command(int argc, char** argv) {
                 using Device = decltype(tag);
                 report.scores = compare_renders<Device>(kept, written, views, options.train);
                 report.of_input = report.scores.before;
-                // Invisible splats are drawn by nobody.
+                // Invisible splats do not affect any render.
                 if (kept.size() + report.left_out.invisible != in.splats.size() ||
                     kept.sh_degree != in.splats.sh_degree)
                     report.of_input =

@@ -1,4 +1,5 @@
-// tvsgs-init: calibrated photographs in, dense coloured cloud and depth maps out; no network.
+// tvsgs-init: makes a dense coloured cloud and depth maps from calibrated photographs; uses no
+// network.
 #include <filesystem>
 #include <set>
 
@@ -67,7 +68,7 @@ Arguments parse(int argc, char** argv, OptionTable& table, StereoOptions& stereo
     return arguments;
 }
 
-/// How others are to read the maps.
+/// The description of the maps for programs that read them.
 constexpr const char* kPriors = R"({
   "version": 1,
   "depth": {"dir": "depth", "encoding": "npy", "quantity": "depth", "geometry": "z",
@@ -78,7 +79,8 @@ constexpr const char* kPriors = R"({
 }
 )";
 
-/// Those of an earlier call that this one has not written would be taken for its own.
+/// Removes maps of an earlier call that this one has not written; readers would take them for new
+/// ones.
 void remove_other_maps(const std::string& folder, const std::set<std::string>& written) {
     std::error_code code;
     const auto listing = folder_with_manifest(fs::path(folder) / "priors.json");
@@ -119,7 +121,7 @@ void write_maps(const std::string& folder,
 
 int command(int argc, char** argv) {
     SceneOptions scene_options;
-    scene_options.min_train_views = 1;  // stereo has its own word on one view
+    scene_options.min_train_views = 1;  // stereo reports a single view itself
     scene_options.points_required = false;
     StereoOptions stereo_options;
     OptionTable table;

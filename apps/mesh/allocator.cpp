@@ -1,8 +1,9 @@
-// How jemalloc works for this program, whose arrays of hundreds of megabytes come and go stage by
-// stage: with pages of 2 MiB, which it keeps for half a minute. Else the threads queue for pages of
-// 4 KiB, which the system has to clear, for a third of the time.
+// Configures jemalloc for this program, whose arrays of hundreds of megabytes are allocated and
+// freed stage by stage: pages of 2 MiB, kept for half a minute. Otherwise threads wait a third of
+// the time for 4 KiB pages that the system has to clear.
 
 extern "C" {
-extern const char* malloc_conf;  // jemalloc's name; the variable MALLOC_CONF has the last word
+// The name is jemalloc's; the environment variable MALLOC_CONF overrides it.
+extern const char* malloc_conf;
 const char* malloc_conf = "thp:always,dirty_decay_ms:30000";
 }

@@ -1,5 +1,5 @@
-// tvsgs-extract-mesh: splats in, mesh out. Renders the depth of the training views, lets a mesher
-// make the surface, and cleans it.
+// tvsgs-extract-mesh: extracts a mesh from trained splats. Renders depth maps of the training
+// views, runs a mesher, and cleans, simplifies and textures the mesh.
 #include <filesystem>
 
 #include "apps/common/command_line.h"
@@ -22,11 +22,11 @@ namespace fs = std::filesystem;
 struct Arguments {
     std::string model, out, device = "auto";
     bool no_preview = false, quiet = false, verbose = false;
-    bool bounded = false;  // by a limit given here, though the run's configuration is not
+    bool bounded = false;  // given limits switch off the run's background
 };
 
-/// Whether a limit of depth or a box is given here, and the background comes from the run's
-/// configuration, as its plan has set it: the limit has the last word then, as in the plan.
+/// Whether the command line gives a depth limit or a box while the run's configuration meshes the
+/// background. The limit wins, as in the plan.
 bool is_bounded_here(const RunOptions& options, const OptionTable& table, const std::string& run) {
     const auto of_run = [&](const char* key) { return table.option(key).source == run; };
     const bool limited = (options.mesh.depth_max > 0 && !of_run("mesh.depth_max")) ||
@@ -34,7 +34,7 @@ bool is_bounded_here(const RunOptions& options, const OptionTable& table, const 
     return limited && options.mesh.unbounded && of_run("mesh.unbounded");
 }
 
-/// The run's configuration, if there is one, gives the scene; flags override it.
+/// Reads the run's configuration, if there is one, for the scene; flags override it.
 Arguments parse(int argc, char** argv, RunOptions& options) {
     Arguments arguments;
     OptionTable table;
@@ -117,7 +117,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add_switch("--keep-axes", "mesh.keep_axes",
                      "GLB: the scene's own axes [turned so that the mesh stands upright]", group);
     parse_command_line(app, argc, argv);
-    flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
+    flags.set_keys(table);  // checks the flags before looking for any file
     require_mesher<Cpu>(options.mesh.method);
 
     std::error_code failure;
@@ -125,7 +125,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         throw Error(
             ExitCode::input,
             str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
-    std::string run;  // its configuration
+    std::string run;  // the run's configuration file
     if (fs::is_directory(arguments.model, failure)) {
         run = run_config_path(arguments.model);
         table.read_file(run);
@@ -196,7 +196,7 @@ int command(int argc, char** argv) {
                file_options(options.mesh_output, scene.train, scene.origin));
     spdlog::info("{}: {} vertices, {} faces", arguments.out, mesh.vertices.size(),
                  mesh.faces.size());
-    // A picture of that name that we cannot know to be ours is the user's.
+    // A picture that may not be ours belongs to the user.
     const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
     const auto listing = folder_with_manifest(picture);
     const bool wanted = !arguments.no_preview && !is_stream(arguments.out);
@@ -204,7 +204,7 @@ int command(int argc, char** argv) {
         spdlog::warn("{}: is there already and stays; there is no new picture of the mesh",
                      picture);
     } else if (wanted) {
-        const TriangleMesh none;  // with its background a scene is best seen from within
+        const TriangleMesh none;  // a scene with background is best seen from inside
         write_png(picture,
                   preview_mesh(mesh,
                                preview_camera(options.mesh.meshes_background() ? none : mesh,

@@ -71,7 +71,7 @@ double median_angle_deg(const SparseModel& model) {
     return std::acos(std::clamp(median(cosines), -1.0, 1.0)) * 180 / std::numbers::pi;
 }
 
-/// In which model a photograph is; -1: in none.
+/// Index of the model that contains a photograph; -1: none.
 int piece_of(const std::vector<SparseModel>& models, const std::string& name) {
     for (std::size_t i = 0; i < models.size(); ++i)
         if (std::ranges::binary_search(models[i].images, name, {}, &SparseImage::name))
@@ -144,13 +144,13 @@ void say_check(const Check& check) {
     spdlog::info("residual {:.2f} px on average, {:.2f} px in the worst photograph, {}",
                  check.residual_px, check.worst_px, check.worst);
     spdlog::info("points are seen from directions {:.0f} degrees apart (median)", check.angle_deg);
-    constexpr double kNarrow =
-        4;  // degrees: an error of a pixel is then some per cent of the depth
+    // degrees; below it, an error of a pixel is several per cent of the depth.
+    constexpr double kNarrow = 4;
     if (check.angle_deg < kNarrow)
         spdlog::warn(
             "the photographs were taken from nearly one place: depth will be uncertain; "
             "step sideways between photographs rather than turn");
-    constexpr double kLarge = 1.5;  // pixels: COLMAP's usual results are below 1
+    constexpr double kLarge = 1.5;  // pixels; COLMAP's usual results are below 1
     if (check.residual_px > kLarge)
         spdlog::warn(
             "the residual is large: was something moving, or the lens zoomed in between? "

@@ -30,7 +30,7 @@ std::optional<Vec3d> meeting_point(const std::vector<Ray>& rays) {
     for (const Ray& a : rays)
         for (const Ray& b : rays) widest = std::max(widest, norm(cross(a.direction, b.direction)));
     if (!(widest >= kLeastSine)) return std::nullopt;
-    Vec3d columns[3]{}, wanted{};  // sum of I - d d^T, and of that times the origins
+    Vec3d columns[3]{}, wanted{};  // sum of I - d d^T, and of the same times the origins
     for (const Ray& ray : rays) {
         const Vec3d d = ray.direction;
         for (int c = 0; c < 3; ++c) columns[c] += -d[c] * d, columns[c][c] += 1;
@@ -43,7 +43,7 @@ std::optional<Vec3d> meeting_point(const std::vector<Ray>& rays) {
 }
 
 struct Square {
-    Vec3d corners[4];  // clockwise from the upper left, seen from its printed side
+    Vec3d corners[4];  // clockwise from the upper left, seen from the printed side
     double sides[4];
 
     Vec3d right() const { return corners[1] - corners[0] + corners[2] - corners[3]; }

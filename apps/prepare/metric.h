@@ -1,4 +1,4 @@
-// A metric, upright frame from square markers of known size that several photographs see.
+// Computes a metric, upright frame from square markers of known size in several photographs.
 // [docs/guide/photographs.md#markers]
 #pragma once
 
@@ -17,16 +17,19 @@ struct MarkerView {
 };
 
 struct MetricFrame {
-    Similarity to_new;     // metres; z up; the origin in the middle of the marker of lowest number
-    int markers = 0;       // that were used
-    double spread = 0;     // standard deviation of their sides, as a share of the size
-    bool upright = false;  // false: one is 15 degrees off their mean or more; units alone change
+    // metres; z up; the origin at the centre of the marker with the lowest number.
+    Similarity to_new;
+    int markers = 0;    // number of markers used
+    double spread = 0;  // standard deviation of their sides, relative to the size
+    // False: a marker deviates from the mean direction by 15 degrees or more, so only the scale is
+    // used.
+    bool upright = false;
 };
 
-/// `size`: side of a marker in metres. Markers lie on a floor (up is out of the paper), or hang on
-/// a wall (up is up on the paper). A corner is the point nearest to its rays; markers that two
-/// photographs do not see from directions at least 2 degrees apart, or whose sides differ by more
-/// than a tenth, do not count. Throws Error(ExitCode::input) where none is left.
+/// `size`: side of a marker in metres. Markers lie on a floor (up is out of the paper) or hang on a
+/// wall (up is up on the paper). A corner is the point nearest to its rays. Skips markers whose
+/// rays differ by less than 2 degrees, and markers whose sides differ by more than a tenth. Throws
+/// Error(ExitCode::input) if none is left.
 MetricFrame metric_frame(const std::vector<MarkerView>& views, double size, bool on_wall);
 
 }  // namespace tvsgs::prepare

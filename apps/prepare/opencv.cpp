@@ -1,4 +1,4 @@
-// Pictures of other formats, calibration files and markers, by OpenCV.
+// OpenCV functions of tvsgs-prepare: other image formats, calibration files and markers.
 #include "apps/prepare/opencv.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kAsStored = cv::IMREAD_UNCHANGED | cv::IMREAD_IGNORE_ORIENTATION;
 
-/// OpenCV's exceptions become ours.
+/// Converts OpenCV's exceptions to Error.
 template <class Action>
 auto translated(const std::string& what, const Action& action) {
     try {
@@ -91,7 +91,7 @@ void convert_to_png(const std::string& file, const std::string& png) {
 }
 
 Calibration read_calibration(const std::string& file) {
-    read_text(file);  // says what is wrong with the file itself
+    read_text(file);  // reports errors of the file itself
     return translated(file, [&] {
         const cv::FileStorage in(file, cv::FileStorage::READ);
         const auto first = [&](std::initializer_list<const char*> names) {
@@ -137,7 +137,7 @@ std::vector<Marker> find_markers(const std::string& photo, const std::string& di
         kDictionaries, dictionary, [](const auto& entry) { return std::string(entry.first); });
     if (known == std::end(kDictionaries))
         throw Error(ExitCode::usage, "--marker-dictionary " + dictionary + ": not known");
-    // Our reader, so that the pixels are those that training and COLMAP have.
+    // Uses our reader, so that the pixels are those of training and COLMAP.
     ImageU8 image = read_image(photo, 1);
     return translated(photo, [&] {
         const cv::Mat grey(image.height, image.width, CV_8UC1, image.pixels.data());

@@ -1,4 +1,4 @@
-// What a build without OpenCV has instead of opencv.cpp and opencv_video.cpp.
+// Replaces opencv.cpp and opencv_video.cpp in a build without OpenCV.
 #include "apps/prepare/opencv.h"
 #include "core/error.h"
 

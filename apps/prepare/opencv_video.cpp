@@ -1,4 +1,4 @@
-// Frames of a video: sharp ones, each some way on from the one before.
+// Selects sharp frames of a video at regular steps of motion.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -18,10 +18,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kLookWidth = 320;    // motion and sharpness are judged at this width
-constexpr double kStep = 0.04;     // of the width, by what moves most: about 10 degrees of an orbit
-constexpr double kLookFrom = 0.6;  // of a step: from here on a frame may be taken
-constexpr double kStepEnd = 1.4;   // here one has to be
+constexpr int kLookWidth = 320;  // motion and sharpness are measured at this width
+// Of the width, by the parts that move most: about 10 degrees of an orbit.
+constexpr double kStep = 0.04;
+constexpr double kLookFrom = 0.6;  // of a step: a frame may be taken from here on
+constexpr double kStepEnd = 1.4;   // of a step: a frame must be taken here
 
 cv::Mat small_grey(const cv::Mat& frame) {
     cv::Mat grey, small;
@@ -31,7 +32,7 @@ cv::Mat small_grey(const cv::Mat& frame) {
     return small;
 }
 
-/// Variance of the Laplacian: small where edges are blurred.
+/// Variance of the Laplacian: small for blurred edges.
 double sharpness(const cv::Mat& grey) {
     cv::Mat edges;
     cv::Laplacian(grey, edges, CV_32F);
@@ -40,8 +41,8 @@ double sharpness(const cv::Mat& grey) {
     return deviation[0] * deviation[0];
 }
 
-/// How far corners have moved since a frame, in widths of the picture; they are followed from frame
-/// to frame. A fifth of them moves more: around an object, its middle stays in the middle.
+/// Tracks corners from frame to frame and measures their motion since a frame, in image widths. A
+/// fifth of them moves more than the result: around an object, its centre does not move.
 class Motion {
 public:
     void start(const cv::Mat& grey) {
@@ -63,7 +64,8 @@ public:
             moved.push_back(cv::norm(next[i] - began_[i]) / grey.cols);
         }
         began_ = began, now_ = now, last_ = grey;
-        if (2 * moved.size() < count_) return kStep * kStepEnd;  // most are lost: far enough
+        // Most corners are lost: far enough.
+        if (2 * moved.size() < count_) return kStep * kStepEnd;
         const auto far = moved.begin() + static_cast<std::ptrdiff_t>(moved.size() * 4 / 5);
         std::nth_element(moved.begin(), far, moved.end());
         return *far;
@@ -75,7 +77,7 @@ private:
     cv::Mat last_;
 };
 
-/// The files that stay when every so many go, evenly.
+/// Keeps every n-th file and removes the others.
 void thin_out(std::vector<std::string>& files, std::size_t most) {
     if (files.size() <= most) return;
     std::vector<std::string> kept;
@@ -115,7 +117,7 @@ int extract_frames(const std::string& video, const std::string& folder, int most
         keep(best);
         motion.start(small_grey(best));
         sharpest = -1;
-        motion.follow(grey);  // frames have passed since
+        motion.follow(grey);  // frames were skipped since
     }
     if (sharpest >= 0) keep(best);
     if (files.size() < 2)

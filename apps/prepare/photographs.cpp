@@ -29,12 +29,12 @@ bool is_one_of(const std::string& extension, std::initializer_list<const char*> 
     return std::ranges::find(known, extension) != known.end();
 }
 
-/// What COLMAP as Debian has it does not read, or what training does not.
+/// Formats that Debian's COLMAP or training does not read.
 bool needs_converting(const std::string& extension) {
     return is_one_of(extension, {".tif", ".tiff", ".webp"});
 }
 
-constexpr std::size_t kExifBytes = 1 << 17;  // the segments with it come first
+constexpr std::size_t kExifBytes = 1 << 17;  // its segments come first
 
 std::string camera_of(const std::string& file) {
     const Exif exif = read_exif(std::string_view(read_bytes(file)).substr(0, kExifBytes));
@@ -53,7 +53,7 @@ std::vector<Photograph> find_photographs(const std::string& folder) {
          end;
          it != end; ++it) {
         const fs::directory_entry& entry = *it;
-        if (entry.path().filename().string().starts_with(".")) {  // thumbnails, what was deleted
+        if (entry.path().filename().string().starts_with(".")) {  // thumbnails and deleted files
             it.disable_recursion_pending();
             continue;
         }

@@ -1,4 +1,4 @@
-// The photographs of a scene to be: found in a folder, and put where COLMAP and training read them.
+// Finds the photographs of a new scene and copies them into it.
 #pragma once
 
 #include <string>
@@ -7,14 +7,14 @@
 namespace tvsgs::prepare {
 
 struct Photograph {
-    std::string file;  // where it lies now
-    std::string name;  // in the scene: its path below the folder, maybe with another extension
+    std::string file;  // present location
+    std::string name;  // in the scene: path below the folder, possibly with another extension
     int width = 0, height = 0;
-    std::string camera;    // maker, model and focal length, where the file says them
-    bool convert = false;  // into a PNG
+    std::string camera;    // maker, model and focal length, if the file has them
+    bool convert = false;  // to PNG
 };
 
-/// Photographs that share focal length and lens.
+/// Photographs with the same focal length and lens.
 struct CameraGroup {
     std::string description;  // for messages
     std::vector<std::string> names;
@@ -22,22 +22,22 @@ struct CameraGroup {
 
 enum class Sharing { automatic, one, each };
 
-/// All of them below `folder`, sorted by name. Throws Error(ExitCode::input) where there are fewer
-/// than two, and for a file that looks like a photograph and is none, by its name.
+/// Finds all photographs below `folder`, sorted by name. Throws Error(ExitCode::input) if there are
+/// fewer than two, and for a file with an image extension that is not an image.
 std::vector<Photograph> find_photographs(const std::string& folder);
 
-/// By its extension.
+/// Decides by the extension.
 bool is_video(const std::string& file);
 
-/// `one`, `each`, or automatic: of one size and, where the files say so, from one camera at one
-/// focal length. Throws Error(ExitCode::input) for `one` of several sizes.
+/// `one`, `each`, or automatic: one group per size and, if the files have the data, per camera and
+/// focal length. Throws Error(ExitCode::input) for `one` with several sizes.
 std::vector<CameraGroup> group_by_camera(const std::vector<Photograph>& photographs,
                                          Sharing sharing);
 
-/// Copies, or converts, them below `folder`, by their names.
+/// Copies or converts the photographs to `folder`, by their names.
 void put_photographs(const std::vector<Photograph>& photographs, const std::string& folder);
 
-/// Where a model of these photographs is already; empty: nowhere near.
+/// Folder of an existing model of these photographs; empty: none nearby.
 std::string find_model_of(const std::string& folder);
 
 }  // namespace tvsgs::prepare

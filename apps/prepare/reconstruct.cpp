@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A step that takes a while: how far it is, and a line at its end.
+/// A long step with its progress and a final message.
 class Step {
 public:
     explicit Step(std::string what) : what_(std::move(what)) {}
@@ -38,7 +38,7 @@ private:
     double begin_ = steady_seconds();
 };
 
-/// The number that follows `before` in a line of COLMAP.
+/// The number after `before` in a line of COLMAP.
 std::optional<std::size_t> number_after(std::string_view line, std::string_view before) {
     const std::size_t at = line.find(before);
     if (at == std::string_view::npos) return std::nullopt;
@@ -55,7 +55,7 @@ public:
     Colmap(std::string program, std::string log, int threads)
         : program_(std::move(program)), log_(std::move(log)), threads_(threads) {}
 
-    /// `threads_of`: the group of the option for threads; empty: there is none.
+    /// `threads_of`: option group of the number of threads; empty: none.
     template <class OnLine>
     int run(std::vector<std::string> words, const std::string& threads_of, OnLine&& on_line) const {
         words.insert(words.begin(), program_);
@@ -73,16 +73,16 @@ private:
     int threads_;
 };
 
-/// Of the cameras that come out.
+/// Lens model of the final cameras.
 std::string lens_of(const CameraGroup& group, const ReconstructOptions& options) {
-    // Two coefficients of each kind need some photographs to be found from.
+    // Estimating two coefficients of each kind needs several photographs.
     return options.lens != "auto"     ? options.lens
            : group.names.size() >= 10 ? "OPENCV"
                                       : "SIMPLE_RADIAL";
 }
 
-/// With one coefficient: what the search for poses begins with, since more of them go astray while
-/// two or three photographs are all there is.
+/// Lens model with one coefficient for the search for poses: with more coefficients, more poses go
+/// wrong while there are only two or three photographs.
 std::string first_lens(const std::string& lens) {
     if (lens == "RADIAL" || lens == "OPENCV" || lens == "FULL_OPENCV") return "SIMPLE_RADIAL";
     return lens.ends_with("_FISHEYE") ? "SIMPLE_RADIAL_FISHEYE" : lens;
@@ -158,7 +158,7 @@ void match(const Colmap& colmap, const fs::path& work, const std::string& matche
     step.done();
 }
 
-/// Poses, points and lenses of what hangs together: one model each.
+/// Estimates poses, points and lenses; one model for each connected set of photographs.
 std::vector<SparseModel> map_all(const Colmap& colmap,
                                  const fs::path& work,
                                  const fs::path& images,
@@ -183,7 +183,7 @@ std::vector<SparseModel> map_all(const Colmap& colmap,
     for (const auto& entry : fs::directory_iterator(out))
         if (count_images(entry.path().string()) > 0)
             models.push_back(read_sparse_model(entry.path().string()));
-    constexpr int kNoModel = 1;  // the exit code where it found nothing to begin with
+    constexpr int kNoModel = 1;  // exit code if no pair starts a model
     if (code > kNoModel || (code != 0 && !models.empty())) throw colmap.failed("mapper", code);
     std::ranges::sort(models, [](const SparseModel& a, const SparseModel& b) {
         return std::pair(a.images.size(), a.points.size()) >
@@ -193,8 +193,8 @@ std::vector<SparseModel> map_all(const Colmap& colmap,
     return models;
 }
 
-/// The same with the lenses that are wanted, and the principal point of cameras that took so many
-/// photographs that it is told apart from the poses.
+/// Refines a model with the final lenses, and with the principal point of cameras with enough
+/// photographs to separate it from the poses.
 SparseModel with_lenses(const Colmap& colmap,
                         const fs::path& work,
                         SparseModel model,
@@ -226,7 +226,7 @@ SparseModel with_lenses(const Colmap& colmap,
     return read_sparse_model(out.string());
 }
 
-/// Into the folder `given`: those of the photographs that the model in `options.poses` names.
+/// Writes the poses of the model in `options.poses` for these photographs to the folder `given`.
 void take_poses(const Colmap& colmap,
                 const fs::path& given,
                 const fs::path& images,
@@ -246,14 +246,14 @@ void take_poses(const Colmap& colmap,
     if (model.images.size() < 2)
         throw input_error(options.poses, ": names ", model.images.size(),
                           " of the photographs; expected 2 or more, by their paths");
-    // Points of the model stand for other features than those found now.
+    // The model's points belong to other features.
     model.points.clear();
     for (SparseImage& image : model.images) image.observations.clear();
     for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) fs::remove(given / name);
     write_sparse_model(given.string(), model);
 }
 
-/// Points for the poses in `given`.
+/// Triangulates points for the poses in `given`.
 SparseModel triangulate(const Colmap& colmap,
                         const fs::path& work,
                         const fs::path& images,
@@ -294,7 +294,7 @@ Reconstruction reconstruct(const std::string& program,
     std::size_t photographs = 0;
     for (const CameraGroup& group : groups) photographs += group.names.size();
     const fs::path given = work / "given";
-    // What is wrong with them is better said before the hours that features and matches take.
+    // Checks them before features and matches, which take hours.
     if (!options.poses.empty()) take_poses(colmap, given, images, options);
     extract_features(colmap, work, images, groups, options, found.features);
     match(colmap, work, options.matcher);

@@ -1,4 +1,4 @@
-// COLMAP's part: features, matches, poses and points, as Debian's colmap 3.8 does it on the CPU.
+// Runs COLMAP: features, matches, poses and points, with Debian's colmap 3.8 on the CPU.
 #pragma once
 
 #include <filesystem>
@@ -14,24 +14,24 @@
 namespace tvsgs::prepare {
 
 struct ReconstructOptions {
-    std::string lens = "auto";  // a camera model of COLMAP
-    std::string matcher;        // exhaustive or sequential
-    std::string poses;          // folder of a model whose poses are kept; may be empty
-    std::map<std::string, std::string> renamed;  // photographs that `poses` may know by other names
+    std::string lens = "auto";                   // a camera model of COLMAP
+    std::string matcher;                         // exhaustive or sequential
+    std::string poses;                           // folder of a model with known poses; may be empty
+    std::map<std::string, std::string> renamed;  // other names of photographs in `poses`
     std::optional<Calibration> calibration;
     int max_size = 3200, threads = 0;
 };
 
 struct Reconstruction {
-    std::vector<SparseModel> models;      // of what hangs together, largest first; one at least
+    std::vector<SparseModel> models;  // connected sets of photographs, largest first; at least one
     std::map<std::string, int> features;  // by photograph
 };
 
-/// The file of COLMAP. Throws Error(ExitCode::usage) that names the package.
+/// Path of the COLMAP program. Throws Error(ExitCode::usage) that names the package.
 std::string find_colmap();
 
-/// Works in `work`, on photographs in `images` by their names, and adds what COLMAP says to `log`.
-/// Throws Error(ExitCode::input) where no two photographs hang together, and where COLMAP fails.
+/// Works in `work` on the photographs in `images`, and appends COLMAP's output to `log`. Throws
+/// Error(ExitCode::input) if no two photographs are connected, and if COLMAP fails.
 Reconstruction reconstruct(const std::string& colmap,
                            const std::filesystem::path& work,
                            const std::filesystem::path& images,

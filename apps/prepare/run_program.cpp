@@ -36,14 +36,14 @@ int run_program(const std::vector<std::string>& command,
     for (;;) {
         SignalGuard::check();
         pollfd wanted{child.output(), POLLIN, 0};
-        poll(&wanted, 1, 200);  // ms: a signal may come between check and poll
+        poll(&wanted, 1, 200);  // ms: a signal may arrive between check and poll
         const std::optional<int> code = child.exit_code();
         child.read_lines([&](std::string_view line) {
             file.add(line);
             on_line(line);
         });
         if (!code) continue;
-        SignalGuard::check();  // it may have ended by the same one
+        SignalGuard::check();  // the program may have received the same signal
         return *code;
     }
 }

@@ -1,4 +1,4 @@
-// Other programs, run as a user would, with what they say kept in a file.
+// Runs other programs and keeps their output in a file.
 #pragma once
 
 #include <functional>
@@ -8,13 +8,13 @@
 
 namespace tvsgs::prepare {
 
-/// The file of that name on PATH; empty: there is none.
+/// Path of a program on PATH; empty: not found.
 std::string find_program(const std::string& name);
 
-/// Runs `command` without a display and without input; what it writes is added to the file `log`,
-/// and goes line by line to `on_line`. Returns its exit code, 128 + the signal that ended it.
-/// Throws Stopped when a SignalGuard has noted a signal; the program has ended then. Throws
-/// Error(ExitCode::io) where the log cannot be written or no process can be made.
+/// Runs `command` without display and input. Appends its output to the file `log` and passes each
+/// line to `on_line`. Returns its exit code, or 128 + the signal that ended it. Throws Stopped if a
+/// SignalGuard has noted a signal, after the program has ended. Throws Error(ExitCode::io) if the
+/// log cannot be written or no process can be made.
 int run_program(const std::vector<std::string>& command,
                 const std::string& log,
                 const std::function<void(std::string_view)>& on_line);

@@ -22,7 +22,7 @@ public:
         at_ += sizeof(T);
         return value;
     }
-    /// A number of records of that many bytes or more.
+    /// Reads a number of records of at least `smallest` bytes each.
     std::size_t get_count(std::size_t smallest) {
         const auto count = get<std::uint64_t>();
         if (count > (bytes_.size() - at_) / smallest) cut_off();
@@ -165,7 +165,7 @@ void write_sparse_model(const std::string& folder, const SparseModel& model) {
 
 void move(SparseModel& model, const Similarity& to_new) {
     for (SparseImage& image : model.images) {
-        // x = R_c p + t_c with p = R^T (p_new - t) / scale; the camera's frame is scaled as well.
+        // x = R_c p + t_c with p = R^T (p_new - t) / scale; the camera's frame is scaled, too.
         const Mat3<double> R = rotation(normalize(image.quat)) * transpose(to_new.R);
         image.translation = to_new.scale * image.translation - R * to_new.t;
         image.quat = quaternion(R);
@@ -181,7 +181,7 @@ bool take_lens(SparseCamera& camera, const std::string& lens) {
                fisheye = now == "SIMPLE_RADIAL_FISHEYE" && std::ranges::count(kFisheye, lens) > 0;
     if (!plain && !fisheye) return false;
     const CameraModel& wanted = *find_camera_model(lens);
-    // f, cx, cy, k; models of more than one focal length have fx, fy.
+    // f, cx, cy, k; models with two focal lengths have fx, fy.
     if (!lens.starts_with("RADIAL")) camera.params.insert(camera.params.begin(), camera.params[0]);
     camera.params.resize(static_cast<std::size_t>(wanted.params));
     camera.model = wanted.id;

@@ -1,4 +1,4 @@
-// A COLMAP model with all that its binary files hold, to be looked at, moved and written again.
+// A complete COLMAP model in memory: reads, transforms and writes its binary files.
 // [docs/guide/input.md#scene-folder]
 #pragma once
 
@@ -50,7 +50,7 @@ struct SparseModel {
     std::vector<SparseImage> images;  // sorted by name
     std::vector<SparsePoint> points;
 
-    /// Throws where there is none.
+    /// Throws if there is none.
     const SparseCamera& camera(std::uint32_t id) const;
 };
 
@@ -63,24 +63,24 @@ struct Similarity {
     Vec3d operator*(Vec3d p) const { return scale * (R * p) + t; }
 };
 
-/// cameras.bin, images.bin, points3D.bin of a folder. Throws Error(ExitCode::input) where one is
-/// missing or cut off.
+/// Reads cameras.bin, images.bin and points3D.bin of a folder. Throws Error(ExitCode::input) if one
+/// is missing or truncated.
 SparseModel read_sparse_model(const std::string& folder);
 
-/// Number of images without reading the rest; 0 where there is no model.
+/// Number of images, without reading the rest; 0 if there is no model.
 std::uint64_t count_images(const std::string& folder);
 
 /// Throws Error(ExitCode::io).
 void write_sparse_model(const std::string& folder, const SparseModel& model);
 
-/// The same cameras and points in another world frame.
+/// Transforms cameras and points to another world frame.
 void move(SparseModel& model, const Similarity& to_new);
 
-/// From SIMPLE_RADIAL or SIMPLE_RADIAL_FISHEYE to a model of the same family with more
-/// coefficients, which are 0 at first: the same picture. False where it is no such step.
+/// Changes SIMPLE_RADIAL or SIMPLE_RADIAL_FISHEYE to a model of the same family with more
+/// coefficients, which start at 0, so images do not change. False for any other change.
 bool take_lens(SparseCamera& camera, const std::string& lens);
 
-/// With its parameters checked, as the readers of scenes take it.
+/// Checks the parameters like the readers of scenes.
 Intrinsics intrinsics_of(const SparseCamera& camera);
 
 }  // namespace tvsgs::prepare

@@ -1,4 +1,4 @@
-// tvsgs-prepare: photographs or a video in, a scene with cameras out, by COLMAP.
+// tvsgs-prepare: makes a scene with cameras from photographs or a video, with COLMAP.
 #include <unistd.h>
 
 #include <algorithm>
@@ -100,7 +100,7 @@ Arguments parse(int argc, char** argv) {
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
     parse_command_line(app, argc, argv);
 
-    // What would do nothing is refused.
+    // Refuses flags that would have no effect.
     const auto refuse = [&](bool wrong, const char* why) {
         if (wrong) throw Error(ExitCode::usage, why);
     };
@@ -121,8 +121,8 @@ Arguments parse(int argc, char** argv) {
     return a;
 }
 
-/// Where the scene is made, removed at the end whatever happens unless it is kept. Inside of a
-/// scene folder that is there, which may be on a disk of its own; else beside the scene to be.
+/// Folder in which the scene is made; removed at the end unless it is kept. Inside of an existing
+/// scene folder, which can be on another disk; else next to the new scene.
 class WorkFolder {
 public:
     explicit WorkFolder(const fs::path& scene)
@@ -141,8 +141,8 @@ public:
     }
     const fs::path& path() const { return path_; }
 
-    /// Gives what was made in `made` its place. Throws Error(ExitCode::io) where something is in
-    /// the way; the hours that it took are not lost then: the folder stays.
+    /// Moves the result from `made` to its place. Throws Error(ExitCode::io) if its place is taken;
+    /// then the folder stays, because it took hours to make.
     void put(const fs::path& made) {
         try {
             if (!inside_) return fs::rename(made, scene_);
@@ -168,7 +168,7 @@ private:
 
 constexpr const char* kLogHead = "tvsgs-prepare ";
 
-/// What COLMAP says: beside the scene while there is none. A file of another program stays.
+/// COLMAP's output: next to the scene until that exists. Keeps a file of another program.
 std::string start_log(const fs::path& scene) {
     std::string path = scene.string() + ".log";
     std::string head;
@@ -180,7 +180,7 @@ std::string start_log(const fs::path& scene) {
     return path;
 }
 
-/// SCENE/images becomes a scene where it lies.
+/// Whether SCENE/images becomes a scene in place.
 bool is_in_place(const Arguments& a, const fs::path& scene) {
     std::error_code error;
     return fs::is_directory(a.photos, error) && fs::equivalent(a.photos, scene / "images", error);
@@ -198,7 +198,7 @@ void check_places(const Arguments& a, const fs::path& scene) {
             if (fs::exists(scene / ours))
                 throw Error(ExitCode::usage,
                             str((scene / ours).string(), " is there already; name another scene"));
-    } else if (fs::exists(fs::symlink_status(scene)) &&  // a link that leads nowhere as well
+    } else if (fs::exists(fs::symlink_status(scene)) &&  // or a broken link
                !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
         throw Error(ExitCode::usage,
                     a.scene + ": exists and is not an empty folder; name a new one");
@@ -225,7 +225,7 @@ void check_places(const Arguments& a, const fs::path& scene) {
     }
 }
 
-/// The calibration at the size of the photographs, which all have one.
+/// The calibration scaled to the size of the photographs, which must be the same for all.
 Calibration calibration_of(const std::string& file, const Photograph& photo) {
     Calibration lens = read_calibration(file);
     const double scale = static_cast<double>(photo.width) / lens.width;
@@ -237,7 +237,7 @@ Calibration calibration_of(const std::string& file, const Photograph& photo) {
     return lens;
 }
 
-/// The scene gets metres and an upright axis; what was found, for prepare.json.
+/// Converts the scene to metres with z up; returns the result for prepare.json.
 JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& model) {
     std::vector<MarkerView> views;
     std::size_t found = 0;
@@ -264,10 +264,10 @@ JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& m
 }
 
 int command(int argc, char** argv) {
-    // 1. What there is.
+    // 1. Find the photographs.
     Arguments a = parse(argc, argv);
     init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
-    fs::path scene = fs::weakly_canonical(fs::absolute(a.scene));  // where a link leads
+    fs::path scene = fs::weakly_canonical(fs::absolute(a.scene));  // the target of a link
     if (!scene.has_filename()) scene = scene.parent_path();
     check_places(a, scene);
     const std::string colmap = find_colmap();
@@ -292,7 +292,7 @@ int command(int argc, char** argv) {
         group_by_camera(photographs, a.cameras == "one" || video ? Sharing::one
                                      : a.cameras == "each"       ? Sharing::each
                                                                  : Sharing::automatic);
-    constexpr std::size_t kExhaustive = 200;  // half an hour on 16 cores, growing with the square
+    constexpr std::size_t kExhaustive = 200;  // half an hour on 16 cores; grows with the square
     a.reconstruct.matcher = a.matcher != "auto"                         ? a.matcher
                             : video || photographs.size() > kExhaustive ? "sequential"
                                                                         : "exhaustive";
@@ -303,7 +303,7 @@ int command(int argc, char** argv) {
                 .renamed[fs::path(photo.file).lexically_relative(photos).generic_string()] =
                 photo.name;
 
-    // 2. Where they were taken from.
+    // 2. Estimate the cameras.
     if (!in_place)
         put_photographs(photographs, images.string());
     else if (std::ranges::any_of(photographs, &Photograph::convert))
@@ -325,7 +325,7 @@ int command(int argc, char** argv) {
                           "--min-share ",
                           check.registered * 100 / check.photographs, "; COLMAP's messages: ", log);
 
-    // 3. The scene, whole before it gets its name.
+    // 3. Write the complete scene, then give it its name.
     SparseModel& model = found.models[0];
     JsonValue report = json_of(check);
     if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));

@@ -1,4 +1,4 @@
-// A lens in front of the cameras of tvsgs-synth: where its photographs show what.
+// Lens models for the cameras of tvsgs-synth: distort rendered pinhole images.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,8 @@
 
 namespace tvsgs::synth {
 
-/// Coefficients of each model of COLMAP: a lens that bends edges by a few per cent of the image.
+/// Coefficients for each camera model of COLMAP; they bend straight edges by a few per cent of the
+/// image.
 inline const std::map<std::string, std::vector<double>> kLenses = {
     {"PINHOLE", {}},
     {"SIMPLE_RADIAL", {-0.25}},
@@ -31,8 +32,8 @@ inline const std::map<std::string, std::vector<double>> kLenses = {
 
 class Lens {
 public:
-    /// `samples` x `samples` of each pixel; `camera` tells the focal lengths, of which models with
-    /// one take the first, the centre and the size.
+    /// Uses `samples` x `samples` per pixel. `camera` gives focal lengths (models with one use the
+    /// first), principal point and size.
     Lens(const std::string& name, const Camera& camera, int samples) : samples_(samples) {
         const CameraModel& model = *find_camera_model(name);
         const std::vector<double>& coefficients = kLenses.at(name);
@@ -46,7 +47,7 @@ public:
         in_ = make_intrinsics("tvsgs-synth", 1, model, static_cast<std::uint64_t>(camera.width_px),
                               static_cast<std::uint64_t>(camera.height_px), params);
         if (in_.distortion.kind == Distortion::Kind::none) return;
-        // Where the fine picture of a pinhole has what each sample of the photograph shows.
+        // For each sample of the photograph, its position in the finer pinhole image.
         const int width = camera.width_px * samples, height = camera.height_px * samples;
         places_.resize(static_cast<std::size_t>(width) * height);
         parallel_for(Cpu{}, width * height, [&](int i) {
@@ -64,10 +65,10 @@ public:
 
     /// The camera's line of cameras.txt, after its number.
     const std::string& colmap() const { return colmap_; }
-    /// For the pinholes: that of the lens, where its model has one focal length.
+    /// Vertical focal length of the pinhole: the lens's, if its model has one focal length.
     float fy_px() const { return static_cast<float>(in_.fy_px); }
 
-    /// The pinhole that sees all that the lens does, `samples` times as fine.
+    /// The pinhole that covers the field of view of the lens, with `samples` times the resolution.
     Camera pinhole(const Camera& view) const {
         Camera fine = scaled_camera(view, view.width_px * samples_, view.height_px * samples_);
         if (places_.empty()) return fine;
@@ -77,13 +78,13 @@ public:
         return fine;
     }
 
-    /// What the lens makes of that pinhole's picture; `samples` times as fine as the photograph.
+    /// Distorts the pinhole's image; `samples` times the photograph's resolution.
     ImageF bent(const ImageF& picture) const {
         if (places_.empty()) return picture;
         ImageF out(in_.width_px * samples_, in_.height_px * samples_, picture.channels);
         parallel_for(Cpu{}, out.width * out.height, [&](int i) {
             const Vec2<double> p = places_[static_cast<std::size_t>(i)] - low_;
-            // Between the centres of four pixels.
+            // Bilinear between pixel centres.
             const double qx = std::clamp(p.x - 0.5, 0.0, picture.width - 1.001),
                          qy = std::clamp(p.y - 0.5, 0.0, picture.height - 1.001);
             const int x = static_cast<int>(qx), y = static_cast<int>(qy);
@@ -96,7 +97,7 @@ public:
         return out;
     }
 
-    /// Where the photograph has what a pinhole would have at `pixel`; false: nowhere.
+    /// Position in the photograph of the pinhole's `pixel`; false: none.
     bool find(Vec2f pixel, Vec2<double>& place) const {
         place = {double(pixel.x), double(pixel.y)};
         return places_.empty() || find_in_photo(in_, place.x, place.y, place);
@@ -110,7 +111,7 @@ private:
         return text;
     }
 
-    /// The pinhole's pixel that is seen at `place`.
+    /// The pinhole's position of `place` in the photograph.
     Vec2<double> undistorted_place(Vec2<double> place) const {
         const Vec2<double> uv = undistort(
             in_.distortion, {(place.x - in_.cx_px) / in_.fx_px, (place.y - in_.cy_px) / in_.fy_px});

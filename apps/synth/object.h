@@ -1,4 +1,4 @@
-// The made-up objects of tvsgs-synth: implicit shapes, procedural texture, baked light, and their
+// The synthetic objects of tvsgs-synth: implicit shapes, procedural texture, baked light, and their
 // meshes.
 #pragma once
 
@@ -17,7 +17,7 @@
 
 namespace tvsgs::synth {
 
-/// An object that stands on the plane z = 0, z up, front towards +x.
+/// An object that stands on the plane z = 0, with z up and its front towards +x.
 struct Shape {
     std::function<float(Vec3f)> distance;    // signed, negative inside; about 1-Lipschitz
     std::function<Vec3f(Vec3f)> base_color;  // of a point on the surface, [0, 1]
@@ -48,7 +48,7 @@ inline float bust_hair(Vec3f p) {
     return smooth_min(cap, sphere(p, {-0.46f, 0, 1.78f}, 0.19f), 0.08f);
 }
 inline float bust_body(Vec3f p) {
-    const Vec3f q{p.x, std::abs(p.y), p.z};  // left and right are alike
+    const Vec3f q{p.x, std::abs(p.y), p.z};  // symmetric
     const float torso = ellipsoid(p, {-0.02f, 0, 0.22f}, {0.44f, 0.82f, 0.46f});
     return smooth_min(torso, capsule(q, {-0.02f, 0, 0.86f}, {-0.02f, 0.5f, 0.5f}, 0.16f), 0.25f);
 }
@@ -70,7 +70,7 @@ inline Shape bust() {
     shape.distance = [](Vec3f p) {
         const float head = smooth_min(bust_face(p), bust_hair(p), 0.04f);
         return std::max(smooth_min(head, bust_body(p), 0.06f),
-                        -0.02f - p.z);  // cut just below the ground
+                        -0.02f - p.z);  // cut off slightly below the ground
     };
     shape.base_color = [](Vec3f p) {
         const float face = bust_face(p), hair = bust_hair(p), body = bust_body(p);
@@ -113,7 +113,7 @@ inline Shape spheres() {
 
 inline Shape torus() {
     Shape shape;
-    shape.distance = [](Vec3f p) {  // it stands upright, sunk a little into the ground
+    shape.distance = [](Vec3f p) {  // it stands upright, slightly below the ground
         const Vec2f ring{std::sqrt(p.y * p.y + (p.z - 0.9f) * (p.z - 0.9f)) - 0.65f, p.x};
         return std::max(std::sqrt(dot(ring, ring)) - 0.27f, -0.03f - p.z);
     };
@@ -139,8 +139,8 @@ inline Vec3f gradient(const Shape& shape, Vec3f p) {
            Vec3f{d(h, 0, 0) - d(-h, 0, 0), d(0, h, 0) - d(0, -h, 0), d(0, 0, h) - d(0, 0, -h)};
 }
 
-/// The zero surface as a closed mesh, by naive surface nets: a vertex in each grid cell that the
-/// surface crosses, moved onto the surface; a quad across each crossed grid edge.
+/// The zero surface as a closed mesh, by naive surface nets: one vertex in each crossed grid cell,
+/// moved onto the surface; one quad across each crossed grid edge.
 inline TriangleMesh surface_nets(const Shape& shape, float spacing) {
     constexpr int kBlock = 8;
     int size[3];  // grid points, a whole number of blocks plus one
@@ -156,7 +156,7 @@ inline TriangleMesh surface_nets(const Shape& shape, float spacing) {
         return (static_cast<std::size_t>(z) * size[1] + y) * size[0] + x;
     };
 
-    // Signs: exact near the surface, one for all in blocks that the surface cannot reach.
+    // Signs: exact near the surface, one per block that the surface cannot reach.
     std::vector<std::uint8_t> inside(index(size[0] - 1, size[1] - 1, size[2] - 1) + 1);
     const int blocks[3] = {size[0] / kBlock + 1, size[1] / kBlock + 1, size[2] / kBlock + 1};
     parallel_for_heavy(Cpu{}, blocks[0] * blocks[1] * blocks[2], [&](int block) {
@@ -164,8 +164,8 @@ inline TriangleMesh surface_nets(const Shape& shape, float spacing) {
                   z0 = block / (blocks[0] * blocks[1]) * kBlock;
         const float middle =
             shape.distance(point(x0, y0, z0) + 0.5f * kBlock * spacing * Vec3f{1, 1, 1});
-        const bool far =
-            std::abs(middle) > 1.5f * kBlock * spacing;  // half a diagonal, and 70 % to spare
+        // Half a diagonal, with a margin of 70 %.
+        const bool far = std::abs(middle) > 1.5f * kBlock * spacing;
         for (int z = z0; z < std::min(z0 + kBlock, size[2]); ++z)
             for (int y = y0; y < std::min(y0 + kBlock, size[1]); ++y)
                 for (int x = x0; x < std::min(x0 + kBlock, size[0]); ++x)
@@ -204,14 +204,14 @@ inline TriangleMesh surface_nets(const Shape& shape, float spacing) {
             const Vec3f slope = gradient(shape, mesh.vertices[i]);
             const float move =
                 shape.distance(mesh.vertices[i]) / std::max(dot(slope, slope), 0.25f);
-            // At most half a cell per step: creases have no gradient to follow.
+            // At most half a cell per step, because creases have no gradient.
             mesh.vertices[i] -= std::clamp(move, -0.5f * spacing, 0.5f * spacing) * slope;
         }
     });
     return mesh;
 }
 
-/// Flat disc in z = 0 made of rings of 6 i vertices: triangles of even size.
+/// Flat disc in z = 0 made of rings of 6 i vertices: triangles of similar size.
 inline TriangleMesh disc(float radius, float spacing) {
     TriangleMesh mesh;
     const int rings = static_cast<int>(std::ceil(radius / spacing));
@@ -260,7 +260,7 @@ inline Vec3f noise(Vec3f p, std::uint64_t seed, std::uint32_t octave) {
     return sum;
 }
 
-/// Texture with detail at every scale from the object's down to 1/20 unit, so that photographs
+/// Texture with detail at every scale from the object's size to 1/20 unit, so that photographs
 /// match well.
 inline Vec3f textured(Vec3f base, Vec3f p, std::uint64_t seed) {
     Vec3f detail{};
@@ -275,9 +275,9 @@ inline Vec3f textured(Vec3f base, Vec3f p, std::uint64_t seed) {
     return color;
 }
 
-constexpr Vec3f kLight{0.7f, -0.5f, 1.1f};  // where the light comes from, not of unit length
+constexpr Vec3f kLight{0.7f, -0.5f, 1.1f};  // direction to the light, not of unit length
 
-/// Part of the light along `direction` that reaches p, soft at the edges of shadows.
+/// Share of the light along `direction` that reaches p, with soft shadow edges.
 inline float light_reaching(const Shape& shape, Vec3f p, Vec3f direction) {
     float light = 1;
     for (float t = 0.03f; t < 2.5f;) {
@@ -289,7 +289,7 @@ inline float light_reaching(const Shape& shape, Vec3f p, Vec3f direction) {
     return light * light * (3 - 2 * light);
 }
 
-/// Nearness of other surfaces and of the ground darkens the ambient light.
+/// Ambient occlusion: nearby surfaces and the ground darken the ambient light.
 inline float openness(const Shape& shape, Vec3f p, Vec3f normal, float ground_z = 0) {
     float occlusion = 0, weight = 1;
     for (const float t : {0.04f, 0.1f, 0.2f, 0.35f}) {
@@ -300,8 +300,8 @@ inline float openness(const Shape& shape, Vec3f p, Vec3f normal, float ground_z 
     return std::clamp(1 - 0.4f * occlusion, 0.15f, 1.0f);
 }
 
-/// The object on its ground disc, coloured: one mesh. Colours do not depend on where they are seen
-/// from. `texture` is the contrast of what the light falls on, from one grey (0) to all of it (1).
+/// One coloured mesh of the object on its ground disc. Colours do not depend on the view. `texture`
+/// is the contrast of the surface colours, from uniform grey (0) to full (1).
 inline TriangleMesh make_scene_mesh(
     const Shape& shape, float ground_radius, float spacing, float texture, std::uint64_t seed) {
     TriangleMesh mesh = surface_nets(shape, spacing);

@@ -1,5 +1,4 @@
-// From what a camera of tvsgs-synth sees to its photograph: highlights, background, exposure,
-// noise.
+// Makes photographs from renders of tvsgs-synth: highlights, background, exposure, noise.
 #pragma once
 
 #include "apps/synth/object.h"
@@ -7,7 +6,7 @@
 
 namespace tvsgs::synth {
 
-/// The highlights of a mesh: Blinn-Phong, white, in the light that colours it.
+/// Highlights of a mesh: Blinn-Phong, white, with the light of its shading.
 class Highlights {
 public:
     Highlights(const Shape& shape, const TriangleMesh& mesh, float strength)
@@ -20,9 +19,9 @@ public:
         });
     }
 
-    /// The mesh as it looks from `eye`; colours may exceed 1.
+    /// The mesh with highlights as seen from `eye`; colours may exceed 1.
     TriangleMesh seen_from(Vec3f eye) const {
-        constexpr float kExponent = 32;  // half as bright 12 degrees off the mirror's normal
+        constexpr float kExponent = 32;  // half as bright at 12 degrees from the mirror direction
         TriangleMesh mesh = mesh_;
         parallel_for(Cpu{}, static_cast<int>(peak_.size()), [&](int i) {
             const Vec3f half = normalize(normalize(eye - mesh.vertices[i]) + to_light_);
@@ -40,7 +39,7 @@ private:
     std::vector<float> peak_;
 };
 
-/// Fills what shows no surface with a textured sky, infinitely far away.
+/// Fills the background with a textured sky at infinity.
 inline void add_sky(MeshRender& render, const Camera& camera, std::uint64_t seed) {
     parallel_for(Cpu{}, camera.width_px * camera.height_px, [&](int i) {
         if (render.face.pixels[i] >= 0) return;
@@ -52,15 +51,15 @@ inline void add_sky(MeshRender& render, const Camera& camera, std::uint64_t seed
     });
 }
 
-/// Fills what shows no surface with white far beyond what a photograph holds.
+/// Fills the background with white far above the range of a photograph.
 inline void add_white(MeshRender& render) {
     for (std::size_t i = 0; i < render.face.pixels.size(); ++i)
         for (std::size_t c = 0; c < 3 && render.face.pixels[i] < 0; ++c)
             render.color.pixels[3 * i + c] = 1.5f;
 }
 
-/// Fills it with patches of `side` pixels of any grey, others in each view, so that nothing
-/// matches.
+/// Fills the background with patches of `side` pixels of random grey, different in each view, so
+/// that nothing matches.
 inline void add_clutter(MeshRender& render, int side, std::uint64_t seed, int view) {
     const int width = render.color.width;
     parallel_for(Cpu{}, width * render.color.height, [&](int i) {
@@ -74,8 +73,8 @@ inline void add_clutter(MeshRender& render, int side, std::uint64_t seed, int vi
     });
 }
 
-/// Relative exposure of a view, within 1 +- drift. Steps of the golden ratio: any few views in a
-/// row differ.
+/// Relative exposure of a view, within 1 +- drift. Steps by the golden ratio, so that consecutive
+/// views differ.
 inline double exposure_gain(double drift, int view) {
     const double turn = 0.6180339887498949 * view;
     return 1 + drift * (2 * (turn - std::floor(turn)) - 1);

@@ -19,11 +19,11 @@ namespace {
 namespace fs = std::filesystem;
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-/// What a view sees; NaN where nothing is, 0 of normals.
+/// Exact maps of a view; NaN without surface, 0 for normals.
 struct PriorMaps {
     Camera camera;
-    ImageF z, depth, normal;  // depth: in the quantity that is stored
-    float low = 0, high = 1;  // of that
+    ImageF z, depth, normal;  // depth: in the stored quantity
+    float low = 0, high = 1;  // range of `depth`
 
     std::string bytes_of(const ImageF& map) const {
         return {reinterpret_cast<const char*>(map.pixels.data()),
@@ -31,7 +31,7 @@ struct PriorMaps {
     }
 };
 
-/// The middle square at 384 pixels, as Omnidata wants it.
+/// The central square at 384 pixels, the input of Omnidata.
 Camera centre_crop(Camera camera) {
     constexpr int kSide = 384;
     const int side = std::min(camera.width_px, camera.height_px);
@@ -61,7 +61,7 @@ PriorMaps make_maps(const TriangleMesh& mesh,
     MeshRender render = render_mesh(mesh, maps.camera, {.smooth_normals = false});
     maps.z = maps.depth = std::move(render.depth), maps.normal = std::move(render.normal);
     maps.low = std::numeric_limits<float>::infinity(), maps.high = -maps.low;
-    constexpr int kBlock = 8;  // of pixels that are missing together
+    constexpr int kBlock = 8;  // side of a square of missing pixels
     for (int y = 0; y < maps.depth.height; ++y)
         for (int x = 0; x < maps.depth.width; ++x) {
             const auto random = [&](int column, int row, std::uint32_t sub) {
@@ -93,7 +93,7 @@ PriorMaps make_maps(const TriangleMesh& mesh,
     return maps;
 }
 
-/// Numbers times `factor` plus `offset`, `none` for NaN.
+/// Numbers times `factor` plus `offset`; `none` for NaN.
 ImageF mapped(const ImageF& from, float factor, float offset, float none) {
     ImageF to = from;
     for (float& value : to.pixels) value = std::isnan(value) ? none : factor * value + offset;
@@ -106,7 +106,7 @@ void write_array(const std::string& path, const ImageF& map) {
     write_npy(path, shape, map.pixels.data());
 }
 
-/// [C H W], as networks have it.
+/// [C H W], the layout of networks.
 void write_planar(const std::string& path, const ImageF& map) {
     std::vector<float> planar;
     for (int c = 0; c < map.channels; ++c)
@@ -149,7 +149,7 @@ std::uint32_t big_endian(std::uint32_t value) {
     return std::endian::native == std::endian::big ? value : __builtin_bswap32(value);
 }
 
-/// 16-bit grey; our own PNG writer has 8 bits only.
+/// 16-bit grey; our own PNG writer has only 8 bits.
 void write_png16(const std::string& path, const ImageF& map) {
     std::string rows;
     for (int y = 0; y < map.height; ++y) {
@@ -179,7 +179,7 @@ void write_png16(const std::string& path, const ImageF& map) {
                               chunk("IDAT" + packed) + chunk("IEND"));
 }
 
-/// Eight numbers that depend on the place in the world alone: they agree between views.
+/// Eight numbers that depend only on the world position, so they agree between views.
 ImageF features_of(const PriorMaps& maps) {
     ImageF out(maps.z.width / 2, maps.z.height / 2, 8);
     const Rigid3f world_from_camera = inverse(maps.camera.camera_from_world);
@@ -200,7 +200,7 @@ std::string stem_of(const SynthView& view) {
     return fs::path(view.name).stem().string();
 }
 
-/// Where 3DGS's 16 bits begin and end, in 1 / depth.
+/// Scale of 3DGS's 16-bit range, in 1 / depth.
 float png_scale(const PriorMaps& maps) {
     return (1 / maps.low - 1 / maps.high) * 65536 / 65535;
 }

@@ -1,4 +1,4 @@
-// Priors of a made-up scene, as other programs would have written them: exact, or wrong on request.
+// Writes priors of a synthetic scene in the formats of other programs: exact, or wrong on request.
 #pragma once
 
 #include <string>
@@ -8,21 +8,21 @@
 
 namespace tvsgs::synth {
 
-/// The formats of --priors, for its help and check.
+/// The formats of --priors, for help and check.
 inline const std::vector<std::string> kPriorFormats{"npy",    "vggt", "params",   "colmap",
                                                     "mvsnet", "acmm", "omnidata", "json"};
 
-/// Throws Error(ExitCode::usage) for a quantity where the format has its own.
+/// Throws Error(ExitCode::usage) for a quantity if the format defines its own.
 void check_priors(const SynthPriors& priors);
 
-/// Writes depth and normals of one view, and what else the format has.
+/// Writes depth and normals of one view, and the format's other files.
 void write_priors(const std::string& out,
                   const TriangleMesh& mesh,
                   const SynthOptions& options,
                   const SynthView& view,
                   int index);
 
-/// What the format has for all views.
+/// Writes the format's files for all views together.
 void finish_priors(const std::string& out,
                    const TriangleMesh& mesh,
                    const SynthOptions& options,

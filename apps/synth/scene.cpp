@@ -1,4 +1,4 @@
-// The scene of tvsgs-synth, file by file.
+// Writes the scene of tvsgs-synth, file by file.
 #include "apps/synth/scene.h"
 
 #include <filesystem>
@@ -61,7 +61,7 @@ std::vector<Sample> sample_surface(const TriangleMesh& mesh, int count, std::uin
     return samples;
 }
 
-/// Image position of a world point; false where it is behind the camera or outside the image.
+/// Image position of a world point; false if it is behind the camera or outside of the image.
 bool project(const Camera& camera, Vec3f point, Vec2f& pixel, float& depth) {
     const Vec3f p = camera.camera_from_world * point;
     depth = p.z;
@@ -71,7 +71,8 @@ bool project(const Camera& camera, Vec3f point, Vec2f& pixel, float& depth) {
            pixel.y < static_cast<float>(camera.height_px);
 }
 
-/// Z-buffer test. The farthest of 3 x 3 depths, so that slanted surfaces do not hide themselves.
+/// Z-buffer test with the farthest of 3 x 3 depths, so that slanted surfaces do not hide
+/// themselves.
 bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth) {
     Vec2f pixel;
     float z = 0;
@@ -86,7 +87,7 @@ bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth)
     return z <= farthest + 0.1f * kMeshSpacing;
 }
 
-/// Of a pinhole's pixel (`whole`: of its view) in the photograph.
+/// Whether the photograph shows a pinhole's pixel (`whole`: of its view).
 bool is_in_photo(const Lens& lens, const Camera& whole, Vec3f point) {
     Vec2f pixel;
     float z = 0;
@@ -107,7 +108,7 @@ void mark_visible(std::vector<Sample>& samples,
     });
 }
 
-/// Renders and writes one photograph and its mask, and marks what the view sees.
+/// Renders and writes one photograph and its mask; marks the samples that the view sees.
 void write_view(const std::string& out,
                 const TriangleMesh& mesh,
                 const Highlights* highlights,
@@ -141,8 +142,7 @@ void write_view(const std::string& out,
     write_png(str(out, "/images/", views[i].name), to_8bit(photo));
 }
 
-/// Where the rays of the views that see a sample pass nearest to each other, if these are where
-/// `given` has them.
+/// Point where the rays of the views that see a sample come closest, with the poses of `given`.
 Vec3f triangulated(const Sample& point,
                    const std::vector<SynthView>& views,
                    const std::vector<SynthView>& given) {
@@ -164,8 +164,8 @@ Vec3f triangulated(const Sample& point,
                            dot(x, cross(y, z)));
 }
 
-/// COLMAP's text model of `given`, the views with the poses that are written. Points are seen
-/// slightly off, as triangulated ones are; their images are exact.
+/// COLMAP's text model with the poses of `given`. Points are slightly off, like triangulated ones;
+/// their image positions are exact.
 void write_colmap(const std::string& folder,
                   const std::vector<SynthView>& views,
                   const std::vector<SynthView>& given,

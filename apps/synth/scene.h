@@ -1,4 +1,4 @@
-// The scene of tvsgs-synth: photographs, cameras, initial points, masks, priors, the exact surface.
+// Writes a synthetic scene: photographs, cameras, initial points, masks, priors, the exact surface.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace tvsgs::synth {
 
-/// Into the folder `out`, which exists. The same options give the same files.
+/// Writes to the folder `out`, which must exist. The same options give the same files.
 void write_scene(const SynthOptions& options, const std::string& out);
 
 }  // namespace tvsgs::synth

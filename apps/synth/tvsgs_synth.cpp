@@ -1,4 +1,4 @@
-// Writes a small scene with exact ground truth.
+// tvsgs-synth: writes a small scene with exact ground truth.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace synth;
 
-/// All of them, relative to it.
+/// All files below a folder, as relative paths.
 std::vector<fs::path> files_below(const fs::path& folder) {
     std::vector<fs::path> files;
     for (const auto& entry : fs::recursive_directory_iterator(folder))
@@ -34,7 +34,7 @@ int run(const SynthOptions& options) {
     check_priors(options.priors);
     if (options.lens != "PINHOLE" && !options.priors.format.empty())
         throw Error(ExitCode::usage, "--lens and --priors: priors are made for PINHOLE alone");
-    make_shape(options.shape);  // a wrong name is said before anything is touched
+    make_shape(options.shape);  // reports a wrong name before writing anything
     if (options.wide > 0 && options.shininess > 0)
         throw Error(ExitCode::usage, "--wide and --shininess: the wide scene has no highlights");
     const fs::path out = fs::path(options.out).lexically_normal();
@@ -52,11 +52,11 @@ int run(const SynthOptions& options) {
                         str("--out ", options.out,
                             ": holds something else than a scene of tvsgs-synth; not overwritten"));
     }
-    // The scene is complete before it gets its name.
+    // Completes the scene before it gets its name.
     std::string target = out.string();
     while (target.size() > 1 && target.back() == '/') target.pop_back();
     const std::string partial = str(target, ".partial-", ::getpid());
-    // What of an earlier scene the user has added stays.
+    // Keeps files that the user added to an earlier scene.
     const auto move_in_place = [&] {
         if (has_manifest(target)) {
             for (const fs::path& file : files_below(partial))

@@ -1,4 +1,4 @@
-// The cameras of tvsgs-synth, and which of them train and test.
+// The cameras of tvsgs-synth, and the choice of training and test views.
 #pragma once
 
 #include <algorithm>
@@ -17,14 +17,14 @@
 namespace tvsgs::synth {
 
 constexpr Vec3d kLookAt{0, 0, 0.85};
-constexpr double kDistance = 4.5;  // of the cameras from there
+constexpr double kDistance = 4.5;  // of the cameras from the target
 
-/// What is written beside the scene as priors, and what is wrong with it.
+/// Format and errors of the priors.
 struct SynthPriors {
     std::string format{};                 // empty: none
-    std::string quantity = "depth";       // npy, vggt, json: what the numbers are
-    std::string frame = "camera_opencv";  // of normals, where the format leaves it open
-    std::string declare{};                // json: the quantity that it claims
+    std::string quantity = "depth";       // npy, vggt, json: the quantity of the numbers
+    std::string frame = "camera_opencv";  // of normals, if the format does not define it
+    std::string declare{};                // json: the quantity that it declares
     bool ray = false, normals_away = false;
     double scale = 1, noise = 0, holes = 0;
 };
@@ -32,7 +32,7 @@ struct SynthPriors {
 struct SynthOptions {
     std::string out, shape = "bust";
     int views = 24, width = 160, height = 120, points = 8000;
-    std::optional<int> test_views;  // absent: every eighth
+    std::optional<int> test_views;  // empty: every eighth
     double arc_deg = 360, elevation_span_deg = 36;
     double wide = 0;  // side of the ground of the wide scene; 0: one object
     double noise = 0, exposure_drift = 0, shininess = 0, texture = 1, pose_noise = 0;
@@ -53,7 +53,7 @@ struct SynthView {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
-/// View `i`, at `distance` from what it looks at, seen from there at an azimuth and an elevation.
+/// View `i` at `distance` from its target, in the direction of an azimuth and an elevation.
 inline SynthView make_view(const SynthOptions& options,
                            int i,
                            Vec3d look_at,
@@ -75,7 +75,7 @@ inline SynthView make_view(const SynthOptions& options,
     view.translation = -(R * (look_at + distance * backward));
     Camera& camera = view.camera;
     camera.width_px = options.width, camera.height_px = options.height;
-    // Focal lengths and principal point as of a real camera: not quite equal, not quite central.
+    // Focal lengths and principal point of a real camera: not quite equal, not quite central.
     const float size = static_cast<float>(std::min(options.width, options.height * 4 / 3));
     camera.fx_px = 1.2f * size, camera.fy_px = 1.197f * size;
     camera.cx_px = 0.506f * static_cast<float>(options.width);
@@ -84,8 +84,8 @@ inline SynthView make_view(const SynthOptions& options,
     return view;
 }
 
-/// Cameras around the object at three heights in turn, all looking at its middle; the front is at
-/// azimuth 0.
+/// Cameras around the object, alternating between three heights, all looking at its centre; the
+/// front is at azimuth 0.
 inline std::vector<SynthView> make_views(const SynthOptions& options) {
     const bool ring = options.arc_deg >= 360;
     std::vector<SynthView> views;
@@ -99,8 +99,8 @@ inline std::vector<SynthView> make_views(const SynthOptions& options) {
     return views;
 }
 
-/// The views as somebody would have them whose poses are off: turned and shifted at random, so that
-/// the images of points at the object's distance move by about `px` in the mean square.
+/// Adds random errors to the poses: rotates and shifts them so that the images of points at the
+/// object's distance move by about `px` (root mean square).
 inline std::vector<SynthView> moved_views(std::vector<SynthView> views,
                                           const std::vector<int>& which,
                                           double px,
@@ -110,7 +110,7 @@ inline std::vector<SynthView> moved_views(std::vector<SynthView> views,
         const auto draw = [&](std::uint32_t what) {
             const Random4 r =
                 random4(seed, RandomStream::pose_noise, static_cast<std::uint64_t>(i), what);
-            // Across, each of two directions of either kind has its share.
+            // Each of the two image directions of rotation and shift gets its share.
             return 0.5 * px / view.camera.fx_px * vec_cast<double>(normal3(r));
         };
         const Rigid3d pose = rigid_exp(draw(0), kDistance * draw(1)) * view.pose();
@@ -123,7 +123,7 @@ struct Splits {
     std::vector<int> train_3, train_9, train_all, test;
 };
 
-/// Test views among `count`: every eighth (the last of three or more where there are fewer than
+/// Test views among `count`: every eighth (the last of three or more if there are fewer than
 /// eight), or `wanted` evenly between the first and the last view, so that training spans the arc.
 inline std::vector<bool> choose_test_views(int count, std::optional<int> wanted) {
     std::vector<bool> is_test(count);
@@ -134,7 +134,7 @@ inline std::vector<bool> choose_test_views(int count, std::optional<int> wanted)
     return is_test;
 }
 
-/// train_3 is the three training views nearest the front, train_9 an even choice.
+/// train_3 is the three training views nearest to the front, train_9 an even choice.
 inline Splits make_splits(const std::vector<SynthView>& views, std::optional<int> test_views) {
     const int count = static_cast<int>(views.size());
     const std::vector<bool> is_test = choose_test_views(count, test_views);

@@ -1,5 +1,5 @@
-// The wide scene of tvsgs-synth: many objects on a ground with relief, as a survey flight sees
-// them; for what splits scenes into blocks.
+// The wide scene of tvsgs-synth, for tests of blocks: many objects on uneven ground, as seen by a
+// survey flight.
 #pragma once
 
 #include <memory>
@@ -9,9 +9,10 @@
 
 namespace tvsgs::synth {
 
-constexpr float kWideSpacing = 0.03f;  // of its meshes: a pixel of 160 across the nearer flight
+// Of its meshes: a pixel of an image of 160 pixels on the lower flight.
+constexpr float kWideSpacing = 0.03f;
 
-/// A pole, and a house with a gable roof: what the round shapes have not, thin parts and corners.
+/// A pole, and a house with a gable roof: thin parts and corners, unlike the round shapes.
 inline Shape pole() {
     Shape shape;
     shape.distance = [](Vec3f p) {
@@ -39,8 +40,8 @@ inline Shape house() {
     return shape;
 }
 
-/// Objects in rows on a square of `side` units around the origin, one for about 2.4 x 2.4 units and
-/// an odd number in a row, so that some stand on its middle lines.
+/// Objects in rows on a square of `side` units around the origin, one per 2.4 x 2.4 units, an odd
+/// number per row, so that some stand on its middle lines.
 class WideScene {
 public:
     WideScene(float side, std::uint64_t seed)
@@ -51,7 +52,7 @@ public:
             const Random4 r =
                 random4(seed, RandomStream::sampling, static_cast<std::uint64_t>(i), 7);
             Object object;
-            // Knight's moves: no row or column of one kind.
+            // Knight's moves: no row or column has only one kind.
             object.kind = static_cast<std::size_t>((i % row + 2 * (i / row)) % 5);
             object.scale = (0.75f + 0.35f * uniform(r.v[0])) * std::min(1.0f, pitch / 2.4f) * 0.75f;
             const auto place = [&](int at, std::uint32_t draw) {
@@ -65,7 +66,7 @@ public:
         }
     }
 
-    /// Of the ground; level around each object.
+    /// Of the ground; flat around each object.
     float height(float x, float y) const {
         float z = relief(x, y);
         for (const Object& object : objects_) {
@@ -78,12 +79,12 @@ public:
 
     float side() const { return side_; }
 
-    /// What encloses it.
+    /// Bounds of the scene.
     Vec3f low() const { return {-0.5f * side_, -0.5f * side_, -0.6f}; }
     Vec3f high() const { return {0.5f * side_, 0.5f * side_, 2.6f}; }
 
-    /// Ground and objects, coloured as make_scene_mesh() does, whose `texture` this is; patches of
-    /// the ground are plain.
+    /// Ground and objects, coloured like make_scene_mesh() with its `texture`; parts of the ground
+    /// have no texture.
     TriangleMesh mesh(float texture) const {
         TriangleMesh mesh = ground();
         std::vector<int> owner(mesh.vertices.size(), -1);
@@ -132,7 +133,7 @@ private:
         return shape;
     }
 
-    /// To the nearest object, or less where that is far.
+    /// Distance to the nearest object, or a lower bound if it is far.
     float distance(Vec3f p) const {
         float nearest = 1e3f;
         for (const Object& object : objects_) {
@@ -202,8 +203,8 @@ private:
     std::vector<Object> objects_;
 };
 
-/// Cameras at two heights in turn, each looking obliquely at its own place of the ground; the
-/// places are spread evenly for any number of views.
+/// Cameras alternating between two heights, each looking obliquely at its own target on the ground;
+/// targets are spread evenly for any number of views.
 inline std::vector<SynthView> make_wide_views(const SynthOptions& options, const WideScene& scene) {
     const auto halton = [](int i, int base) {
         double value = 0, digit = 1;

@@ -1,4 +1,4 @@
-// tvsgs: the commands by one name. `tvsgs train ...` runs the tvsgs-train that lies beside it.
+// tvsgs: runs the other commands. `tvsgs train ...` runs the tvsgs-train next to it.
 #include <unistd.h>
 
 #include <cerrno>
@@ -32,7 +32,7 @@ const CommandEntry& entry_of(const std::string& name) {
                                      "; `tvsgs help` lists them"));
 }
 
-/// Becomes that command; `words` are what it is given.
+/// Replaces this process by a command with the arguments `words`.
 [[noreturn]] void become(const CommandEntry& entry, const std::vector<std::string>& words) {
     const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / entry.name;
     std::vector<char*> arguments{const_cast<char*>(entry.name)};

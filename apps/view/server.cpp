@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxRequestBytes = 1024;  // of a body, which none needs
-constexpr int kSeconds = 5;                     // that a reader or writer may keep us waiting
+constexpr std::size_t kMaxRequestBytes = 1024;  // of a body; no request needs one
+constexpr int kSeconds = 5;                     // timeout of reads and writes
 
 /// 128 random bits of the system.
 std::string make_token() {
@@ -32,7 +32,7 @@ std::string make_token() {
     return token;
 }
 
-/// In a time that tells nothing of where they differ.
+/// Compares in constant time.
 bool same(const std::string& a, const std::string& b) {
     if (a.size() != b.size()) return false;
     unsigned difference = 0;
@@ -41,7 +41,7 @@ bool same(const std::string& a, const std::string& b) {
     return difference == 0;
 }
 
-/// The value of a cookie in a header "a=1; b=2"; empty: it is not there.
+/// The value of a cookie in a header "a=1; b=2"; empty: not found.
 std::string cookie(const std::string& header, const std::string& name) {
     const std::string all = "; " + header, start = "; " + name + "=";
     const std::size_t at = all.find(start);
@@ -81,13 +81,13 @@ public:
                 response.set_content(read_bytes(live("splats.spz")), "application/octet-stream");
             });
         });
-        // Not SO_REUSEPORT, which httplib sets: two servers would share a port, and each get some
-        // of the requests.
+        // Not SO_REUSEPORT, which httplib sets: two servers would share a port and each get some of
+        // the requests.
         server_.set_socket_options([](socket_t socket) {
             const int yes = 1;
             setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
         });
-        const char* const host = "127.0.0.1";  // of this machine alone
+        const char* const host = "127.0.0.1";  // only this machine
         port_ = port > 0 ? (server_.bind_to_port(host, port) ? port : -1)
                          : server_.bind_to_any_port(host);
         if (port_ < 0)
@@ -103,9 +103,9 @@ public:
 private:
     std::string live(const char* name) const { return str(run_, "/live/", name); }
 
-    /// Who asks by another name than ours may be a page of somebody else's, led here by its name
-    /// server; who has no token is not who started us. The first request turns the token into a
-    /// cookie, so that it does not stay in the address.
+    /// Rejects requests with another host name (a foreign page can point its name at this machine)
+    /// and requests without the token, which only the user's terminal shows. The first request
+    /// stores the token in a cookie, so that it does not stay in the address.
     bool admit(const httplib::Request& request, httplib::Response& response) {
         const std::string host = request.get_header_value("Host"), port = std::to_string(port_),
                           name = "tvsgs_" + port;
@@ -127,7 +127,7 @@ private:
         return false;
     }
 
-    /// What goes wrong is said here, not there.
+    /// Reports errors here, not to the browser.
     template <class Action>
     void answer(httplib::Response& response, const Action& action) {
         try {
@@ -139,7 +139,7 @@ private:
         }
     }
 
-    /// Changes when the results of the run do.
+    /// Changes when the run's results change.
     std::string version_of_run() const {
         std::string text;
         std::error_code code;
@@ -148,7 +148,7 @@ private:
         try {
             files.push_back(find_splats(run_));
         } catch (const Error&) {
-            // None yet.
+            // No splats yet.
         }
         for (const std::string& file : files)
             if (const auto time = fs::last_write_time(file, code); !code)
@@ -157,7 +157,7 @@ private:
     }
 
     std::string page() {
-        const std::lock_guard lock(mutex_);  // two at once would take twice the memory
+        const std::lock_guard lock(mutex_);  // two pages at once would need twice the memory
         const std::string version = version_of_run();
         if (version != version_ || page_.empty()) {
             ViewSubject subject = read_view_subject(input_);
@@ -196,7 +196,7 @@ private:
 }  // namespace
 
 void serve(const ViewInput& input, const ViewPageOptions& options, int port) {
-    run_config_path(input.runs.front());  // complains before there is an address
+    run_config_path(input.runs.front());  // reports a missing run before there is an address
     Server(input, options).listen(port);
 }
 

@@ -1,5 +1,5 @@
-// tvsgs-view: runs as a page to look at, one file that opens in a browser without a network; or
-// served to the browser of this machine, while a training goes on.
+// tvsgs-view: shows runs as one file that opens in a browser without a network, or serves them to
+// the browser of this machine, also during a training.
 #include <filesystem>
 
 #include "apps/common/command_line.h"
@@ -11,12 +11,12 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kMaxRuns = 2;  // beside each other
+constexpr std::size_t kMaxRuns = 2;  // side by side
 
 struct Arguments {
     ViewInput input;
     ViewPageOptions page;
-    std::string out;  // empty: the page is served
+    std::string out;  // empty: serve the page
     int port = 0;
     bool quiet = false;
 };
