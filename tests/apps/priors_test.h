@@ -51,7 +51,7 @@ protected:
     }
     static void TearDownTestSuite() { std::filesystem::remove_all(folder_); }
 
-    /// Writes priors into a folder of their own in the scene.
+    /// Writes priors into a new folder of the scene.
     std::string write(const synth::SynthPriors& priors) const {
         const std::string name = testing::UnitTest::GetInstance()->current_test_info()->name();
         const std::filesystem::path out = folder_ / "scene" / name;
@@ -101,7 +101,7 @@ protected:
     }
     bool said(const std::string& text) const { return said_.find(text) != std::string::npos; }
 
-    /// Median of |depth / truth - 1|, and the share of the surface that has a depth.
+    /// Checks the median of |depth / truth - 1|, and the share of the surface with a depth.
     static void expect_depth(const Scene& scene, double error, double share = 0.95) {
         for (std::size_t v = 0; v < scene.train.size(); ++v) {
             const ViewMap* const map = find(scene.train[v], prior_map::kDepth);

@@ -1,5 +1,5 @@
-// The choice of a rasteriser, as users meet it: configurations, files of splats, and what does not
-// go together.
+// The choice of a rasteriser by configurations and by files of splats, and combinations that are
+// refused.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -1,5 +1,5 @@
-// No bad end in silence: what is the user's stays, what is done is not thrown away, and a result
-// that has nothing in it is no success.
+// Failures are reported: files of the user stay, finished work is kept, and an empty result is an
+// error.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -38,7 +38,7 @@ protected:
         fs::create_directories((folder_ / path).parent_path());
         std::ofstream(folder_ / path, std::ios::binary) << text;
     }
-    /// Every file below, with what it holds.
+    /// Every file below `path`, with its contents.
     static std::map<std::string, std::string> tree(const fs::path& path) {
         std::map<std::string, std::string> files;
         for (const auto& entry : fs::recursive_directory_iterator(folder_ / path))
@@ -62,7 +62,7 @@ TEST_F(BadEnds, AFolderWithWorkOfOthersIsNoRunFolder) {
             EXPECT_EQ(tree("mine"), before) << file << " " << more;
         }
     }
-    // What no run has a name for does no harm, and neither do empty folders.
+    // Names that a run does not use are no obstacle, nor are empty folders.
     fs::remove_all(folder_ / "mine");
     write("mine/notes.txt", "notes");
     fs::create_directories(folder_ / "mine/test");
@@ -86,7 +86,7 @@ TEST_F(BadEnds, OverwritingRemovesWhatTheRunWroteAndNothingElse) {
     EXPECT_FALSE(fs::exists(folder_ / "over/point_cloud/iteration_20/point_cloud.ply"));
     EXPECT_FALSE(fs::exists(folder_ / "over/checkpoints/iteration_19.ckpt"));
     EXPECT_TRUE(fs::exists(folder_ / "over/point_cloud/iteration_10/point_cloud.ply"));
-    // A name that the run needs and that is the user's now.
+    // A name that the run needs and that now belongs to the user.
     write("over/mesh/mesh.png", "mine");
     const Result mesh = call("extract-mesh", "--model over --device cpu --mesh-resolution 48");
     EXPECT_EQ(mesh.code, 0) << mesh;
@@ -99,7 +99,7 @@ TEST_F(BadEnds, OverwritingRemovesWhatTheRunWroteAndNothingElse) {
             .code,
         2);
     EXPECT_EQ(contents(folder_ / "over/mesh/other.ply"), "mine");
-    // Without its list a run's files cannot be told from others.
+    // Without its list, a run's files cannot be told from others.
     fs::remove(folder_ / "over/.tvsgs-files");
     const auto before = tree("over");
     EXPECT_EQ(train("over", "--overwrite").code, 2);
@@ -175,7 +175,7 @@ TEST_F(BadEnds, ReportsNeverFailARun) {
     EXPECT_TRUE(r.says("the report does without a mesh")) << r;
     EXPECT_NE(contents(folder_ / "broken/report.json").find("\"done\""), std::string::npos);
     EXPECT_TRUE(fs::exists(folder_ / "broken/point_cloud/iteration_22/point_cloud.ply"));
-    // A folder in its place: not even written.
+    // A folder in its place: the page is not even written.
     fs::remove(folder_ / "broken/report.html");
     write("broken/report.html/mine.txt", "mine");
     const Result unwritable = call("train", "--resume broken --iterations 24 --device cpu");
@@ -219,14 +219,14 @@ TEST_F(BadEnds, ARunThatEndsWorseThanItWasSaysSo) {
 }
 
 TEST_F(BadEnds, AShortenedScheduleEndsNearItsBestAndMoreGivesNoLess) {
-    // Planned as for a cloud that covers nothing, so that splats grow.
+    // Planned for a cloud that covers nothing, so that splats grow.
     ASSERT_EQ(call("synth",
                    "--out wide --views 8 --test-views 2 --width 64 --height 48 --arc 150 --points "
                    "300 --quiet")
                   .code,
               0);
     constexpr double kSlack = 0.5;  // dB
-    double before = 14;             // what the shortest reaches
+    double before = 14;             // of the shortest run
     for (const int iterations : {50, 491, 1200, 1700}) {
         SCOPED_TRACE(iterations);
         fs::remove_all(folder_ / "short");
@@ -300,7 +300,8 @@ TEST_F(BadEnds, AFinishedRunHasNoSplatsOfWhereItWasStopped) {
 TEST_F(BadEnds, ARunThatStartsAgainKeepsItsPlan) {
     ASSERT_TRUE(fs::exists(folder_ / "run/plan.json")) << "made by the plan";
     fs::copy(folder_ / "run", folder_ / "again", fs::copy_options::recursive);
-    for (const char* folder : {"checkpoints", "point_cloud"})  // as if killed before the first
+    // As if killed before the first checkpoint.
+    for (const char* folder : {"checkpoints", "point_cloud"})
         fs::remove_all(folder_ / "again" / folder);
     const std::string plan = contents(folder_ / "again/plan.json");
     const Result r = call("train", "--out again --resume --iterations 3 --device cpu");

@@ -1,4 +1,4 @@
-// tvsgs-bench: fresh cases of the oracle, what it refuses, and its timings.
+// tvsgs-bench: new cases of the oracle, refused input, and timings.
 #include "apps/test_bench.h"
 
 namespace tvsgs {
@@ -33,7 +33,7 @@ TEST_F(Bench, TheOracleRepeatsItsStoredCases) {
         int quantities = 0;
         for (std::string line; std::getline(lines, line); ++quantities) {
             EXPECT_LT(std::stod(line.substr(line.find_last_of(' '))), 1e-6) << name << ": " << line;
-            // Of 220 splats: those without a defined normal.
+            // Splats without a defined normal, of 220.
             EXPECT_LE(std::stoi(line.substr(line.find("left out ") + 9)), 5)
                 << name << ": " << line;
         }

@@ -1,4 +1,4 @@
-// tvsgs-bench as a user runs it, on cases that the oracle makes afresh.
+// Runs tvsgs-bench on cases that the oracle makes during the test.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ inline int shell(const std::string& line) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/// A Python with numpy and scipy; empty where there is none.
+/// A Python with numpy and scipy; empty if there is none.
 inline std::string find_python() {
     for (const std::string python : {"python3", "/usr/bin/python3"})
         if (shell(python + " -c 'import numpy, scipy' >/dev/null 2>&1") == 0) return python;
@@ -66,14 +66,14 @@ protected:
         return {"cpu"};
     }
 
-    /// Why no case can be made; empty when one can.
+    /// Why no case can be made; empty if one can.
     static std::string no_oracle() {
         if (find_python().empty()) return "no python3 with numpy and scipy";
         return "";
     }
     static std::string oracle() { return test_data("tensor_voting/tensor_voting.py"); }
 
-    /// Lets the oracle write a case; returns its path.
+    /// Makes the oracle write a case; returns its path.
     static std::string make_case(const std::string& name, const std::string& flags) {
         const std::string path = (folder_ / (name + ".npz")).string();
         EXPECT_EQ(shell("OMP_NUM_THREADS=1 " + find_python() + " '" + oracle() + "' --make '" +
@@ -83,7 +83,7 @@ protected:
         return path;
     }
 
-    /// Within the bounds, in both precisions on all devices.
+    /// Requires agreement within the bounds, in both precisions on all devices.
     static void expect_agreement(const std::string& name, const std::string& flags) {
         const std::string path = make_case(name, flags);
         for (const std::string& device : devices())

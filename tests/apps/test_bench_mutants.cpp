@@ -1,4 +1,4 @@
-// The check of the votes must not pass what is wrong: stored results, changed one way at a time.
+// The check of votes must find errors: stored results with one change each.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -17,7 +17,7 @@ std::string stored(const std::string& name) {
 
 class Mutants : public Bench {
 protected:
-    /// Exit code 8, and the complaint is about `what`.
+    /// Exit code 8, with a complaint about `what`.
     static void expect_caught(const std::string& name,
                               const std::string& of,
                               const std::string& what,

@@ -1,4 +1,4 @@
-// tvsgs-bench stages on few splats: every case, every channel set, and what it reports.
+// tvsgs-bench stages with few splats: every case, every channel set, and its report.
 #include "apps/test_bench.h"
 
 namespace tvsgs {
@@ -36,7 +36,7 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
                          contributions = counters.at("contributions_per_pixel");
             EXPECT_LE(contributions, evaluations);
             EXPECT_EQ(contributions > 0, fragments > 0);
-            // What each view is made to be.
+            // The intended properties of each view.
             if (name.starts_with("w540")) {
                 EXPECT_NEAR(visible, splats / 2, splats / 20);
                 EXPECT_NEAR(fragments / double(visible), 3, 1);
@@ -129,11 +129,11 @@ TEST_F(Bench, TimesAnIterationThatComparesViews) {
         const json& counters = line.at("counters");
         EXPECT_GT(counters.at("compared_pixels"), 0.6 * width * height) << "the views overlap";
         EXPECT_EQ(line.at("channels"), "color_plane");
-        if (device == "cpu") {  // a GPU waits longer for so little than it works
+        if (device == "cpu") {  // a GPU waits longer than it works here
             EXPECT_LT(line.at("unaccounted_share"), 0.03);
             EXPECT_GT(line.at("unaccounted_share"), -0.03);
         }
-        // As much to blend as without a neighbour, though on a surface.
+        // As many blended splats as without a neighbour, although on a surface.
         const Result plain = bench(small + " --channels color_plane");
         ASSERT_EQ(plain.code, 0) << plain.err;
         const json& others = plain.lines.at(0).at("counters");

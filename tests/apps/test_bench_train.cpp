@@ -1,4 +1,4 @@
-// tvsgs-bench train on a scene of a few pixels: what it reports adds up.
+// tvsgs-bench train on a scene of a few pixels: its times add up.
 #include "apps/test_bench.h"
 
 namespace tvsgs {
@@ -30,11 +30,11 @@ TEST_F(Bench, TimesRealTraining) {
             EXPECT_NE(std::find(names.begin(), names.end(), name), names.end()) << name;
         const double all = line.at("profiled_seconds"), share = line.at("unaccounted_share");
         EXPECT_NEAR(all - stages, share * all, 1e-9 + 1e-9 * all);
-        // On iterations of a millisecond, on a machine that does other things as well; 3 % is what
-        // real ones are held to.
+        // Iterations take a millisecond on a machine with other load; real ones must stay below 3
+        // %.
         EXPECT_LT(share, 0.25);
         EXPECT_GE(share, 0);
-        // Any render has 5 dB, so the first look finds it; none has 99.
+        // Any render has 5 dB, so the first evaluation reaches it; none has 99.
         EXPECT_EQ(line.at("reached").at(0).at("iteration"), 7);
         EXPECT_LE(line.at("reached").at(0).at("seconds"), line.at("seconds"));
         EXPECT_TRUE(line.at("reached").at(1).at("seconds").is_null());

@@ -1,4 +1,4 @@
-// tvsgs-blocks as a user runs it: a small wide scene, split, trained and merged.
+// tvsgs-blocks on a small wide scene: splits, trains and merges it.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
@@ -63,13 +63,13 @@ protected:
         return bin("tvsgs-blocks run --blocks " + blocks + " --block " + std::to_string(block) +
                    " --device cpu " + more);
     }
-    /// A copy of the blocks that a test may spoil.
+    /// A copy of the blocks that a test may damage.
     static std::string copy(const std::string& name) {
         fs::remove_all(folder_ / name);
         fs::copy(folder_ / "blocks", folder_ / name, fs::copy_options::recursive);
         return name;
     }
-    /// A copy of the blocks as split has written them.
+    /// A copy of the blocks before training.
     static void copy_untrained(const std::string& name) {
         copy(name);
         for (int b = 1; b <= kBlocks; ++b) {
@@ -126,7 +126,7 @@ TEST_F(BlocksCommand, SplitWritesWhatBatchSystemsTake) {
         EXPECT_GE(inputs.views, 2);
         EXPECT_GT(inputs.points, 100);
         EXPECT_GT(inputs.fixed_splats, 0);
-        // Points are in cell and margin, fixed splats are not.
+        // Points are in the cell and its margin; fixed splats are not.
         const GroundCell& cell = manifest.cells[static_cast<std::size_t>(b - 1)];
         for (const Vec3f p : read_ply(block("blocks", b) / "points.ply").points.positions)
             EXPECT_LT(cell.distance(manifest.frame.on_ground(vec_cast<double>(p))), 0.4001);
@@ -136,12 +136,12 @@ TEST_F(BlocksCommand, SplitWritesWhatBatchSystemsTake) {
             EXPECT_GE(cell.distance(manifest.frame.on_ground(vec_cast<double>(p))), 0.3999);
         }
     }
-    // The settings of a block are the coarse run's, but for what is of the views.
+    // The settings of a block are the coarse run's, except those of views.
     const json config = json::parse(contents(block("blocks", 1) / "config.json"));
     EXPECT_EQ(config["iterations"], 60);
     EXPECT_EQ(config["scene"]["split"], "");
     EXPECT_EQ(config["plan"]["enabled"], false);
-    // Rates in scene extents are by that of the whole.
+    // Rates in scene extents use the extent of the whole.
     const double whole =
         json::parse(contents(folder_ / "blocks/config.json"))["lr"]["position_start"];
     const double ratio = spread("coarse", 12) / spread("blocks/block_001/run", 1000);
@@ -191,7 +191,7 @@ TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
     const json cameras = json::parse(contents(folder_ / "whole/cameras.json"));
     EXPECT_EQ(cameras.size(), 12u);
 
-    // It is a run like any other, also to be replaced only when asked.
+    // It is a run like any other, replaced only on request.
     EXPECT_EQ(bin("tvsgs-extract-mesh --model whole --device cpu --mesh-resolution 64 "
                   "--voxel-size 0.1 --out whole/mesh/mesh.ply --no-preview")
                   .code,
@@ -202,7 +202,7 @@ TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
     const std::string before = contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply");
     EXPECT_EQ(bin(again + " --overwrite").code, 0);
     EXPECT_EQ(contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply"), before);
-    // By default splats of both sides are at the cuts.
+    // By default, splats of both sides meet at the cuts.
     EXPECT_EQ(bin("tvsgs-blocks merge blocks --out faded").code, 0);
     EXPECT_GT(read_splat_ply(folder_ / "faded/point_cloud/iteration_60/point_cloud.ply").size(),
               whole.size() + 20);
@@ -244,7 +244,7 @@ TEST_F(BlocksCommand, SingleBlocksRunAgainWithTheSameBits) {
     EXPECT_NE(fs::last_write_time(splats("again", 2)), written);
     EXPECT_EQ(contents(splats("again", 2)), before);
 
-    // Damaged results are not taken for done; damaged inputs are not trained on.
+    // Damaged results do not count as done; damaged inputs are not trained on.
     std::ofstream(splats("again", 2), std::ios::app) << "x";
     expect_message(train("again", 2), 3, {"block 2", "is damaged", "--again"});
     std::ofstream(block("again", 2) / "points.ply", std::ios::app) << "x";
@@ -290,7 +290,7 @@ TEST_F(BlocksCommand, AMergedRunFindsItsSceneFromElsewhere) {
     const std::string scene =
         json::parse(contents(folder_ / "of_far/config.json"))["scene"]["path"];
     EXPECT_TRUE(fs::equivalent(scene, folder_ / "scene")) << scene;
-    // Without a checkpoint, as it is merged, nothing can go on; nothing is lost.
+    // A merged run has no checkpoint, so it cannot be resumed; nothing is lost.
     expect_message(bin("tvsgs-train --resume of_far --iterations 90 --device cpu"), 2,
                    {"no checkpoint", "--overwrite"});
     EXPECT_TRUE(fs::exists(folder_ / "of_far/point_cloud/iteration_60/point_cloud.ply"));
@@ -309,13 +309,13 @@ TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
         EXPECT_NE(output().find("block 1    training"), std::string::npos) << output();
         ::close(lock);
     }
-    // Stopped on its way, with its checkpoint.
+    // Stopped during training, with a checkpoint.
     const Result stopped = run_script(
         folder_, "{ OMP_NUM_THREADS=1 " TVSGS_BIN_DIR
                  "/tvsgs-blocks run stop --block 1 --device cpu >out.txt 2>err.txt & pid=$!; for i "
                  "in $(seq 600); do grep -q '\"iteration\": 1,' stop/block_001/run/log.jsonl "
                  "2>/dev/null && break; sleep 0.05; done; kill -TERM $pid; wait $pid; }");
-    if (stopped.code != 0) {  // else it was faster than the signal
+    if (stopped.code != 0) {  // otherwise it was faster than the signal
         EXPECT_EQ(stopped.code, 143) << stopped;
         EXPECT_FALSE(fs::exists(block("stop", 1) / "done.json"));
         EXPECT_EQ(bin("tvsgs-blocks status stop --missing").code, 3);
@@ -328,8 +328,8 @@ TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
 
 TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
     copy_untrained("all");
-    // Another process holds block 2 until the first attempt has failed.
-    // Closed in the processes of the command, which would hold the lock with it.
+    // Another process holds block 2 until the first attempt has failed. Closed in the command's
+    // processes, which would inherit the lock.
     const int lock = ::open(block("all", 2).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     ASSERT_EQ(::flock(lock, LOCK_EX), 0);
     std::thread release([lock] {
@@ -353,7 +353,7 @@ TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
 
 TEST_F(BlocksCommand, AllBlocksStopBySignalAndGoOn) {
     copy_untrained("halt");
-    // Two train and one waits when the signal comes.
+    // Two blocks train and one waits when the signal arrives.
     const Result stopped = run_script(
         folder_, "{ OMP_NUM_THREADS=2 " TVSGS_BIN_DIR
                  "/tvsgs-blocks run halt --jobs 2 --progress json >out.txt 2>err.txt & pid=$!; for "
@@ -418,13 +418,13 @@ TEST_F(BlocksCommand, RefusesWhatCannotBe) {
                    {"was split already"});
     expect_message(bin("tvsgs-blocks split --coarse coarse --out scene --blocks 2"), 2,
                    {"not an empty folder"});
-    EXPECT_TRUE(fs::exists(folder_ / "scene/sparse/0/images.txt"));  // nothing of it is gone
+    EXPECT_TRUE(fs::exists(folder_ / "scene/sparse/0/images.txt"));  // nothing of it was removed
     expect_message(bin("tvsgs-blocks split --coarse coarse --out x"), 2, {"--max-splats"});
     expect_message(bin("tvsgs-blocks split --out x --blocks 2"), 2, {"--coarse"});
     expect_message(bin("tvsgs-blocks split --coarse coarse --out x --blocks 2 --up 0,0"), 2,
                    {"--up"});
     EXPECT_EQ(bin("tvsgs-blocks split --coarse none --out x --blocks 2").code, 3);
-    // Another scene than the one that was split.
+    // A scene other than the one that was split.
     ASSERT_EQ(
         bin("tvsgs-synth --out other --views 4 --width 32 --height 24 --points 500 --quiet").code,
         0);
@@ -435,7 +435,7 @@ TEST_F(BlocksCommand, RefusesWhatCannotBe) {
     expect_message(train("moved", 1, "--scene other"), 3, {"are not those of the scene"});
 }
 
-// Without a coarse run one is made; blocks by the splats that each may have.
+// Without a coarse run, split trains one; the number of blocks follows from the splats per block.
 TEST_F(BlocksCommand, SplitTrainsTheCoarseRunItself) {
     const Result split =
         bin("tvsgs-blocks split --scene scene --out own --max-splats 5000 --margin 0.3 -r 1 "

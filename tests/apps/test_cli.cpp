@@ -1,4 +1,4 @@
-// The commands as a user runs them: scene, training, mesh and scores; and what they refuse.
+// The commands from end to end: scene, training, mesh and scores; and input that they refuse.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -39,7 +39,7 @@ protected:
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
-    /// Lines of standard error of a run that says its progress as `flags` ask for.
+    /// Lines of standard error of a run whose progress `flags` select.
     static std::vector<std::string> messages(const std::string& flags) {
         const Result r = call(
             "train",
@@ -59,17 +59,17 @@ protected:
         return run_tool(folder_, tool, arguments);
     }
 
-    /// Runs a script there.
+    /// Runs a script in the test's folder.
     static Result shell(const std::string& script) { return run_script(folder_, script); }
 
-    /// A copy of the scene that `spoil` has changed.
+    /// A copy of the scene that `spoil` changes.
     static void spoiled_scene(const std::string& name,
                               const std::function<void(const fs::path&)>& spoil) {
         fs::copy(folder_ / "scene", folder_ / name, fs::copy_options::recursive);
         spoil(folder_ / name);
     }
 
-    /// Training must fail with `code`, say `expected` somewhere, and leave no run folder.
+    /// Training must fail with `code`, print `expected`, and leave no run folder.
     static void expect_refused(const std::string& arguments,
                                int code,
                                const std::string& expected) {
@@ -299,7 +299,7 @@ TEST_F(Cli, CloudsAndSplatsThatLie) {
     const std::size_t at = ply.find("element vertex ") + 15, end = ply.find('\n', at);
     std::string none = ply.substr(0, ply.find("end_header\n") + 11);
     EXPECT_TRUE(extract("none.ply", none.replace(at, end - at, "0")).says("holds no usable splat"));
-    // What is no text must not reach the terminal.
+    // Non-text must not reach the terminal.
     const Result noise = extract("noise.ply", "ply\nformat ascii 1.0\n\x1b[2J\x07 1\nend_header\n");
     EXPECT_TRUE(noise.says("unknown keyword '?[2J?'")) << noise;
 }
@@ -309,7 +309,7 @@ TEST_F(Cli, OutputsThatCannotBeWritten) {
     EXPECT_EQ(full.code, 6) << full;
     EXPECT_TRUE(fs::is_character_file("/dev/full"));
     EXPECT_EQ(call("train", "--scene scene --device cpu --out scene").code, 2);
-    // --overwrite removes runs, not the work of other programs.
+    // --overwrite removes runs, not files of other programs.
     fs::create_directories(folder_ / "thesis/test");
     std::ofstream(folder_ / "thesis/config.json") << "{}";
     EXPECT_EQ(call("train", "--scene scene --device cpu --overwrite --out thesis").code, 2);
@@ -330,7 +330,7 @@ TEST_F(Cli, SignalsEndTrainingWithItsSplatsSaved) {
     const std::pair<const char*, int> cases[] = {{"INT", 130}, {"TERM", 143}, {"HUP", 129}};
     for (const auto& [signal, code] : cases) {
         const std::string run = std::string("stopped_") + signal;
-        // Sent when the log shows that the training runs. The code is that of the tool.
+        // Sent when the log shows that training runs. The exit code is that of the tool.
         const Result r = shell("exec 2>err.txt; " TVSGS_BIN_DIR
                                "/tvsgs-train --scene scene --device cpu --iterations 1000000 "
                                "--report-every 1 --eval --out " +
@@ -347,7 +347,7 @@ TEST_F(Cli, SignalsEndTrainingWithItsSplatsSaved) {
     }
 }
 
-// A pipe in the place of an output holds a command there until somebody reads.
+// A pipe in place of an output blocks the command until a reader opens it.
 
 TEST_F(Cli, SignalsStopTheEvaluation) {
     const fs::path run = folder_ / "unscored";
@@ -419,7 +419,7 @@ TEST_F(Cli, ReadersOfARunNameWhatIsMissing) {
     EXPECT_EQ(call("eval", "").code, 2);
 }
 
-// Last in the file: after all of the above.
+// Last in the file, so that it checks all tests above.
 TEST_F(Cli, NothingHalfWrittenIsLeft) {
     for (const auto& file : fs::recursive_directory_iterator(folder_))
         for (const char* mark : {".tmp-", ".partial-"})

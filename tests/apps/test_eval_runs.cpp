@@ -1,5 +1,5 @@
-// From training to the table in the layouts of both benchmarks, with little images and few
-// iterations; and evaluations of a run: masked views, LPIPS, the mesh within a budget.
+// From training to the table in the layouts of both benchmarks, with small images and few
+// iterations; and evaluations of a run: masked views, LPIPS, the mesh within a memory limit.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 const fs::path kData = fs::path(TVSGS_SHARED_DIR) / "data";
 
-/// 100x75 photographs, a thinned cloud, 30 iterations; evaluated on the way, mesh included.
+/// 100x75 photographs, a thinned cloud, 30 iterations; evaluated during training, with the mesh.
 std::string train_flags(const std::string& scene, const std::string& more = "") {
     const std::string data = (kData / scene).string();
     return "--scene " + data + " --split train_3 --init-ply " + data +
@@ -28,7 +28,7 @@ std::string train_flags(const std::string& scene, const std::string& more = "") 
            data + "/gt/points.ply --crop " + data + "/gt/info.json --tau 5,10 " + more;
 }
 
-/// Weights of AlexNet that mean nothing, in a safetensors file.
+/// Random AlexNet weights in a safetensors file.
 void write_alex(const fs::path& path) {
     std::string header = "{", data;
     const auto add = [&](const std::string& name, std::initializer_list<int> shape, float mean,
@@ -89,7 +89,7 @@ protected:
 
 TEST_F(EvalRuns, TheMeshIsMeasuredOverTime) {
     const JsonValue report = json("table/report.json");
-    ASSERT_EQ(report["evaluations"].items.size(), 3u);  // at 10 and 20, and the end
+    ASSERT_EQ(report["evaluations"].items.size(), 3u);  // at 10 and 20, and at the end
     for (const JsonValue& evaluation : report["evaluations"].items) {
         EXPECT_GT(evaluation["mesh"]["chamfer"].number, 0) << json_text(evaluation);
         EXPECT_EQ(evaluation["mesh"]["thresholds"].items.size(), 2u);
@@ -100,7 +100,7 @@ TEST_F(EvalRuns, TheMeshIsMeasuredOverTime) {
     for (const char* title : {"F1 of the mesh", "Distance of the mesh",
                               "Precision and recall of the mesh", "Chamfer, mesh", " triangles"})
         EXPECT_NE(page.find(title), std::string::npos) << title;
-    // The mesh of the end is that of the command.
+    // The final mesh equals that of the command.
     expect_done("extract-mesh", "--model table --device cpu --out again.ply --no-preview --quiet");
     EXPECT_TRUE(contents(folder_ / "again.ply") == contents(folder_ / "table/mesh/mesh.ply"));
     const Result refused = call("train", "--scene nowhere --eval-mesh");
@@ -146,7 +146,7 @@ TEST_F(EvalRuns, NovelViewsMaskedAndByLpips) {
     EXPECT_EQ(scores["lpips_by"].text, "AlexNet on values in [0, 1]");
     EXPECT_GT(scores["lpips"].number, 0);
     EXPECT_GT(scores["lpips_masked"].number, 0);
-    // Outside of the object both are white there, so less is different.
+    // Outside of the object both are white there, so the difference is smaller.
     EXPECT_GT(scores["ssim_masked"].number, scores["ssim"].number);
     EXPECT_NE(scores["psnr_masked"].number, psnr);
     const double lpips = scores["lpips"].number;
@@ -178,7 +178,7 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
         call("eval", "run --model table --device cpu --quiet --scan 901 --dtu " + dtu);
     ASSERT_EQ(all.code, 0) << all;
     EXPECT_EQ(std::count(all.out.begin(), all.out.end(), '\n'), 5) << "nvs, geometry, dtu";
-    // What each of them says by itself.
+    // Same numbers as each evaluation alone.
     expect_done("eval",
                 "dtu --quiet --scan 901 --out alone.json --pred table/mesh/mesh.ply --dtu " + dtu);
     EXPECT_EQ(json("alone.json")["chamfer"].number, json("table/eval/dtu.json")["chamfer"].number);
@@ -186,7 +186,7 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
               json("table/eval/centres.json")["chamfer"].number)
         << "with the truth, crop and samples of training";
     EXPECT_EQ(call("eval", "run --model table --scan 901").code, 2) << "--dtu is missing";
-    // Official folders: cameras beside the scene, masks that cull the mesh and not the centres.
+    // Official folders: cameras next to the scene; masks cull the mesh but not the centres.
     const Result culled =
         call("eval", "run --model table --device cpu --quiet --scan 901 --dtu " + dtu +
                          " --cameras " + dtu + "/cameras_sphere.npz --cull-masks " + data +

@@ -1,5 +1,5 @@
-// tvsgs-export as a user runs it: each format from a run and from a file, what may be left out, and
-// what it refuses.
+// tvsgs-export: each format from a run and from a file, options to leave splats out, and refused
+// input.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -45,7 +45,7 @@ protected:
     static std::string splats_of_run() {
         return at("run/point_cloud/iteration_20/point_cloud.ply");
     }
-    /// Its JSON.
+    /// Runs tvsgs-export and returns its JSON.
     static json exported(const std::string& arguments) {
         const Result result = run_tool(folder_, "export", arguments + " --json --device cpu");
         EXPECT_EQ(result.code, 0) << arguments << ": " << result.err;
@@ -80,7 +80,7 @@ TEST_F(ExportCommand, WritesEveryFormatAndSaysWhatItCosts) {
     }
 }
 
-/// The figures of the check are those of the views, which no other command makes here.
+/// The check gives the scores of the run's views.
 TEST_F(ExportCommand, FindsWhatTheRunWasScoredWith) {
     const json report = exported("run psnr.spz"),
                scores = json::parse(contents(folder_ / "run/eval/nvs.json"));
@@ -97,7 +97,7 @@ TEST_F(ExportCommand, GoesFromFormatToFormatAndBack) {
             exported(through + " back.ply" + from);
             Gaussians<Cpu> back = read_splat_ply(at("back.ply"));
             ASSERT_EQ(back.size(), original.size());
-            // SPZ sorts; what is compared then is sorted alike.
+            // SPZ sorts splats; the reference is sorted alike.
             double sum = 0, sum_back = 0;
             for (std::size_t i = 0; i < 500; ++i)
                 sum += double(original.means[i].x * original.sh[500 + i].x),
@@ -132,7 +132,7 @@ TEST_F(ExportCommand, LeavesOutWhatIsAsked) {
     EXPECT_GT(mean_size(read_splat_ply(at("small.ply"))),
               2 * mean_size(read_splat_ply(at("some.ply"))));
 
-    // Of a run: splats behind all cameras are seen by none; the others look as before.
+    // With a run: no view sees splats behind all cameras; the renders of the others stay the same.
     Gaussians<Cpu> g = read_splat_ply(splats_of_run());
     const int count = g.size();
     for (std::size_t i = 0; i < 50; ++i) g.means[i] = {0, 0, 1000 + float(i)};
@@ -144,7 +144,7 @@ TEST_F(ExportCommand, LeavesOutWhatIsAsked) {
     const Gaussians<Cpu> left = read_splat_ply(at("seen.ply"));
     for (const Vec3f p : left.means.span()) EXPECT_LT(p.z, 1000);
 
-    // The brightest half keeps more of the pictures than another would.
+    // The brightest half keeps more of the renders than another half would.
     const json bright = exported("run bright.ply --max-splats " + std::to_string(count / 2));
     EXPECT_EQ(bright["splats"], count / 2);
     EXPECT_LT(double(bright["views"]["psnr_input"]) - double(bright["views"]["psnr_after"]), 4);
@@ -178,7 +178,8 @@ TEST_F(ExportCommand, StandsUpright) {
     EXPECT_FALSE(json::parse(kept.substr(20, length))["nodes"][0].contains("matrix"));
 }
 
-/// Places far from zero keep their digits: the file is near zero, and a file beside it says where.
+/// Positions far from the origin keep their precision: the file is near zero, and a file next to it
+/// stores the origin.
 TEST_F(ExportCommand, TakesLargeCoordinatesOff) {
     write_splat_ply(at("far.ply"), test::random_gaussians(200, 4), {500000, 4000000, 100});
     const json report = exported("far.ply far.spz");
@@ -189,14 +190,15 @@ TEST_F(ExportCommand, TakesLargeCoordinatesOff) {
     EXPECT_FALSE(fs::exists(folder_ / "all.spz.json"));
     exported("far.ply far.glb");
     const PlyGeometry first = read_ply_geometry(at("far.ply"));
-    for (const std::string from : {"far.ply", "far.spz", "far.glb"}) {  // and on again
+    // And from each of these again.
+    for (const std::string from : {"far.ply", "far.spz", "far.glb"}) {
         exported(from + " again.ply");
         const PlyGeometry again = read_ply_geometry(at("again.ply"));
         double least = 1;  // SPZ sorts
         for (const Vec3d p : again.positions) least = std::min(least, norm(p - first.positions[5]));
         EXPECT_LT(least, 1e-5) << from;
     }
-    // Splats that lie near take no origin from what was there before.
+    // Splats near the origin must not use a stale origin file.
     for (const std::string name : {"stale.spz", "stale.sog"}) {
         exported("far.ply " + name);
         ASSERT_TRUE(fs::exists(at(name + ".json"))) << name;
@@ -219,7 +221,8 @@ TEST_F(ExportCommand, WritesOverItsOwnFilesOnly) {
         EXPECT_EQ(contents(folder_ / name), "mine");
     }
     exported("some.ply four.spz --spz-version 4");
-    exported("some.ply four.spz --spz-version 4");  // finds our name in front of the packed frame
+    // Must find our name in front of the packed frame.
+    exported("some.ply four.spz --spz-version 4");
     exported("some.ply r.spz --out-report r.json");
     EXPECT_EQ(contents(folder_ / "r.json"), contents(folder_ / "out.txt"));
 }

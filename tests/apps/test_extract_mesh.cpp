@@ -1,4 +1,4 @@
-// tvsgs-extract-mesh on splats whose surface is known, and the shipped overlays for it.
+// tvsgs-extract-mesh on splats with a known surface, and the shipped mesh configurations.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -35,7 +35,7 @@ void add_sphere(int count, double radius, Gaussians<Cpu>& splats, int first) {
         const auto at = static_cast<std::size_t>(first + i);
         splats.means.data()[at] = vec_cast<float>(radius * n);
         splats.log_scales.data()[at] = {size, size, size - 5};
-        // From the z axis to n.
+        // Rotates the z axis to n.
         splats.quats.data()[at] = quat_cast<float>(Quat<double>{1 + n.z, -n.y, n.x, 0});
         splats.opacity_logits.data()[at] = 6;
         splats.sh.data()[at] = radius > 1 ? Vec3f{0.5f, 0.5f, 1} : Vec3f{1, 0, 0};
@@ -86,14 +86,14 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     ASSERT_EQ(unbounded.code, 0) << unbounded;
     EXPECT_TRUE(unbounded.says("unbounded: voxels grow from 4.5 ")) << unbounded;
     EXPECT_TRUE(fs::exists(folder_ / "mesh.png"));
-    // The cameras stand 4.5 from what they look at: voxels of 0.045 are (100 / 4.5)^2 times as long
-    // at the dome.
+    // The cameras are at distance 4.5 from the focus: voxels of 0.045 are (100 / 4.5)^2 times as
+    // long at the dome.
     const double voxel = 9.0 / 200, far_voxel = voxel * std::pow(kDome / 4.5, 2);
     std::size_t near = 0, far = 0;
     const std::vector<double> all = radii();
     for (const double r : all) {
-        near +=
-            std::abs(r - kBall) < voxel + 0.07;  // outlines of the ball are a pixel off, 4.5 / 64
+        // Outlines of the ball are off by one pixel, 4.5 / 64.
+        near += std::abs(r - kBall) < voxel + 0.07;
         far += std::abs(r - kDome) < far_voxel;
     }
     // Pixels on an outline blend the depths of both.
@@ -101,14 +101,14 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     EXPECT_GT(near, 500u);
     EXPECT_GT(far, 3000u);
 
-    // Limits that are given hold, too.
+    // Given limits apply, too.
     for (const char* limit : {"--depth-max 50", "--bbox=-2,-2,-2,2,2,2"}) {
         const Result limited = extract(fine + "--no-preview --unbounded " + limit, "limited.ply");
         ASSERT_EQ(limited.code, 0) << limited;
         EXPECT_LT(radii("limited.ply").back(), 1) << limit;
         EXPECT_TRUE(limited.says("voxels of 0.045, ")) << limited;
     }
-    // And what lies beyond the contracted space is said.
+    // Reports depths beyond the contracted space.
     const Result coarse =
         extract("--mesh-resolution 100 --set mesh.truncation_voxels=5 --no-preview --unbounded");
     ASSERT_EQ(coarse.code, 0) << coarse;
@@ -125,7 +125,7 @@ TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
     const Result coarse = extract(flags + "1.5");
     ASSERT_EQ(coarse.code, 0) << coarse;
     EXPECT_TRUE(coarse.says("voxels of 0.08824, truncation 0.2353,")) << coarse;
-    // By area, but for the rims of what is seen, by length.
+    // By area, except at the boundaries of the visible parts.
     EXPECT_NEAR(static_cast<double>(radii().size()) / vertices, 1 / (1.5 * 1.5), 0.07);
     EXPECT_EQ(extract(flags + "2.1").code, 2) << "less than two voxels of truncation";
     for (const std::string given : {" --mesh-resolution 150", " --voxel-size 0.06"}) {
@@ -158,7 +158,8 @@ TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
     }
 }
 
-/// All formats of one mesh have the same scores, the turn of a GLB and its copies at seams or not.
+/// All formats of one mesh have the same scores, with the rotation of a GLB and its copied vertices
+/// at seams or without.
 TEST_F(ExtractMesh, OneViewIsTrustedBesideJumpsUpToALimit) {
     const std::string flags = "--mesh-resolution 120 --truncation 0.25 --no-preview --set ";
     std::size_t vertices = 0;
@@ -187,7 +188,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     }
     for (const char* file : {"same.mtl", "same_texture.png", "same.png"})
         EXPECT_TRUE(fs::exists(folder_ / file)) << file;
-    // The same bytes from run to run, whatever the threads.
+    // The same bytes from run to run, for any number of threads.
     const std::string glb = contents(folder_ / "same.glb");
     fs::remove(folder_ / "same.glb");
     ASSERT_EQ(run_tool(folder_, "extract-mesh",
@@ -217,7 +218,7 @@ TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
     ASSERT_EQ(bound.code, 0) << bound;
     EXPECT_TRUE(bound.says("info: simplified: ")) << bound;
     EXPECT_LT(radii().size(), all / 4);
-    EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and what it was off
+    EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and the error before
     const Result number = extract(flags + "--error 0 --faces 400");
     ASSERT_EQ(number.code, 0) << number;
     EXPECT_LE(read_ply_geometry((folder_ / "mesh.ply").string()).faces.size(), 400u);
@@ -246,7 +247,7 @@ TEST_F(ExtractMesh, Tetrahedra) {
     EXPECT_TRUE(bounded.says("4008 points of 6000 splats")) << bounded;  // of the ball, and a box
     std::vector<double> all = radii();
     EXPECT_GT(all.size(), 3000u);
-    // Where fewer than two views see a splat, its points decide, at most 3/4 px away, 4.5 / 64.
+    // If fewer than two views see a splat, its points decide, at most 3/4 px away, 4.5 / 64.
     EXPECT_NEAR(all.front(), kBall, 0.055);
     EXPECT_NEAR(all.back(), kBall, 0.055);
     EXPECT_NEAR(all[all.size() / 2], kBall, 0.004);
@@ -271,7 +272,7 @@ TEST_F(ExtractMesh, Tetrahedra) {
     EXPECT_NEAR(radii().front(), kBall, 0.06);
 }
 
-/// Edges that are not between two faces, once in each direction.
+/// Edges that do not have two faces, one in each direction.
 std::size_t loose_edges(const PlyGeometry& mesh) {
     std::map<std::pair<int, int>, int> balance, count;
     for (const Vec3i f : mesh.faces)
@@ -303,11 +304,11 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
             for (const Vec3i f : mesh.faces)
                 volume +=
                     dot(mesh.positions[f.x], cross(mesh.positions[f.y], mesh.positions[f.z])) / 6;
-            // Of the ball above z = -0.3, closed below, in voxels of a tenth of its radius.
+            // The ball above z = -0.3, closed below, in voxels of a tenth of its radius.
             const double cap = M_PI * 0.4 * 0.4 * (kBall - 0.4 / 3);
             EXPECT_NEAR(volume / (4 * M_PI / 3 * std::pow(kBall, 3) - cap), 1, 0.2) << more << out;
         }
-    // What no view sees is told apart.
+    // Unseen vertices are marked.
     ASSERT_EQ(extract(flags + "--set mesh.evidence=false").code, 0);
     const std::string bytes = contents(folder_ / "mesh.ply");
     EXPECT_NE(bytes.find("property uchar views"), std::string::npos);

@@ -1,4 +1,4 @@
-// tvsgs-init as a user runs it, and tvsgs-train's own use of stereo and of clouds from outside.
+// tvsgs-init, and tvsgs-train with its own stereo and with given clouds.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

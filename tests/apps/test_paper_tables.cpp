@@ -1,5 +1,5 @@
-// The matrices that make the paper's tables: they name files that exist, and flags that our
-// commands take; and the configurations are what the paper says.
+// The matrices of the paper's tables name existing files and valid flags, and the configurations
+// have the paper's settings.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -33,7 +33,7 @@ protected:
         for (std::string line; std::getline(in, line);) lines.push_back(line);
         return lines;
     }
-    /// What a configuration comes to, by the program itself.
+    /// The resolved configuration, by the program itself.
     static JsonValue resolved(const std::string& configs) {
         const Result result = run_tool(
             folder_, "train",
@@ -73,13 +73,13 @@ TEST_F(PaperTables, EveryMatrixPrintsCommandsThatOurProgramsTake) {
                     configs += " --set " + word;
                 }
             }
-            // Each set of keys once, by the program that would take them.
+            // Each set of keys once, by the program that would use them.
             const std::string key = tool + configs;
             if (std::find(seen.begin(), seen.end(), key) != seen.end()) continue;
             seen.push_back(key);
             if (tool == "tvsgs-train") resolved(configs);
         }
-        // Nothing lies in /data: each command gets as far as that, past its flags.
+        // /data is empty: each command gets past its flags and then fails there.
         for (const char* tool : {"train", "extract-mesh"}) {
             const auto line = std::find_if(lines.begin(), lines.end(), [&](const std::string& l) {
                 return l.starts_with("tvsgs-" + std::string(tool));
@@ -100,7 +100,7 @@ TEST_F(PaperTables, TheConfigurationsAreThePapers) {
     const std::string configs = TVSGS_SOURCE_DIR "/configs/";
     for (const std::string on : {"p", "r"})  // the rasteriser's letter
         for (const bool dense : {false, true}) {
-            // Without --iterations, which would fit the schedule.
+            // Without --iterations, which would scale the schedule.
             const std::string path = configs + "tv_sgs_" + on + (dense ? "_dense.json" : ".json");
             RunOptions options;
             OptionTable table;

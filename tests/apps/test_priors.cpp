@@ -1,4 +1,4 @@
-// Priors of a made scene, as other programs would have written them: found, understood, fitted.
+// Priors of a synthetic scene in the formats of other programs: found, interpreted, fitted.
 #include <tuple>
 
 #include "apps/priors_test.h"
@@ -9,7 +9,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Scale and shift to 0.1 %, whatever the numbers are: each is found by the points.
+// Scale and shift to 0.1 % for any quantity: the points determine both.
 TEST_F(Priors, AreUnderstoodByThePoints) {
     for (const auto& [name, ray] : {std::pair{"depth", false},
                                     {"inverse_depth", false},
@@ -77,7 +77,7 @@ TEST_F(Priors, WithNoiseAndHoles) {
     EXPECT_NEAR(holes / surface, 0.3, 0.06);
 }
 
-// What order grows with depth, and is 0 and 1 at its percentiles.
+// The ranked quantity grows with depth, and is 0 and 1 at its percentiles.
 TEST_F(Priors, HaveAnOrder) {
     for (const char* quantity : {"depth", "inverse_depth"}) {
         const Scene scene = read({.format = "npy", .quantity = quantity});
@@ -143,7 +143,7 @@ TEST_F(Priors, ThatContradictWhatIsDeclaredAreRefused) {
     expect_depth(read({.format = "npy"}, forced), 1e-3);
 }
 
-// Where the files do not say it, units are found as well.
+// Finds units that the files do not state.
 TEST_F(Priors, InOtherUnits) {
     for (const char* format : {"colmap", "params"}) {
         const Scene scene = read({.format = format, .scale = 1.7});
@@ -189,8 +189,8 @@ TEST_F(Priors, OfOneBadViewAreLeftOut) {
     EXPECT_NE(find(scene.train[1], prior_map::kDepth), nullptr);
 }
 
-// A map that fits no better than one depth, or one normal, for all points would says nothing,
-// however small its error looks where the scene is shallow.
+// A map that fits no better than one depth, or one normal, for all points has no information,
+// however small its error is in a shallow scene.
 TEST_F(Priors, OfOtherPhotographsAreRefused) {
     const std::string dir = write({.format = "json"}) + "/priors";
     const fs::path priors = folder_ / "scene" / dir;
@@ -220,14 +220,14 @@ TEST_F(Priors, OfOtherPhotographsAreRefused) {
     expect_depth(read_folder(dir), 1e-3);
 }
 
-// Where a shift was fitted, depth far beyond the points is a guess; its order is none.
+// With a fitted shift, depths far beyond the points are uncertain; their order is not.
 TEST_F(Priors, FarBeyondThePointsHaveAnOrderAlone) {
     const std::string dir = write({.format = "npy", .quantity = "inverse_depth"});
     const fs::path file = folder_ / "scene" / dir / "depth_npy/0001_pred.npy";
     ImageF map(160, 120, 1);
     for (std::size_t i = 0; i < map.pixels.size(); ++i)
         map.pixels[i] = truth_[1].depth.pixels[i] > 0 ? 1 / truth_[1].depth.pixels[i] + 3 : NAN;
-    // Four times the farthest point is 30 at most, and a quarter of the nearest 1.
+    // Four times the farthest point is at most 30, a quarter of the nearest is 1.
     const std::pair<std::size_t, float> odd[] = {
         {0, 3 + 1 / 8.f}, {2, 3 + 1 / 80.f}, {4, 2.9f}, {6, 3 + 1 / 0.1f}};
     for (const auto& [at, value] : odd) map.pixels[at] = value;
@@ -310,7 +310,7 @@ TEST_F(Priors, FeaturesKeepTheirSize) {
     EXPECT_EQ(std::tuple(fine.width_px, fine.height_px, fine.channels), std::tuple(80, 60, 8));
     EXPECT_EQ(std::tuple(coarse.width_px, coarse.height_px, coarse.channels),
               std::tuple(40, 30, 8));
-    // Each channel lies beside the others: of one pixel, eight sines of the same place.
+    // Channels are adjacent: of one pixel, eight sines of one position.
     double most = 0;
     for (int c = 0; c < 8; ++c) {
         float mean = 0;
@@ -327,7 +327,7 @@ TEST_F(Priors, TheSkyHasNone) {
     synth_.background = "sky";
     const std::string dir = write({.format = "json"});
     synth_.background = "empty";
-    // Networks give the sky a depth, too.
+    // Networks predict a depth for the sky, too.
     const fs::path maps = folder_ / "scene" / dir / "priors";
     for (std::size_t v = 0; v < scene_.train.size(); ++v) {
         std::vector<float> depth = truth_[v].depth.pixels, normal = truth_[v].normal.pixels;
@@ -380,7 +380,7 @@ TEST_F(Priors, ThatAreMissingAreSaid) {
     EXPECT_THROW(read_folder("nowhere"), Error);
 }
 
-/// A program's own term that wants depth.
+/// A term of another program that needs depth.
 void add_depth_term() {
     static const bool once = [] {
         add_loss<Cpu>({"wants_depth", 1, {.view_maps = {prior_map::kDepth}}},
@@ -390,7 +390,7 @@ void add_depth_term() {
     ASSERT_TRUE(once);
 }
 
-// A run that is resumed has the points of its checkpoint, and so the same maps, bit for bit.
+// A resumed run has the points of its checkpoint, so it gets the same maps, bit for bit.
 TEST_F(Priors, OfARunAreThoseItBeganWith) {
     const std::string dir = write({.format = "npy", .quantity = "inverse_depth", .noise = 0.01});
     add_depth_term();

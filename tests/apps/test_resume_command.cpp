@@ -1,4 +1,4 @@
-// Runs that survive: interrupted, killed, out of disk; and what they go on from.
+// Interrupted, killed and failed runs resume without loss.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -34,7 +34,7 @@ protected:
                                "/tvsgs-synth --out scene --views 6 --width 48 --height 36 --quiet")
                                   .c_str()),
                   0);
-        // Voting every 10, searches every 25, growth every 15 iterations.
+        // Votes every 10, searches every 25, grows every 15 iterations.
         std::ofstream(folder_ / "config.json") << R"({
             "scene": {"path": "scene", "views": "0,1,2"},
             "iterations": 120, "backbone": "ewa", "init": {"min_points": 0},
@@ -58,7 +58,7 @@ protected:
                      " >out.txt 2>err.txt");
     }
 
-    /// In the background, its messages in err.txt.
+    /// In the background, with messages in err.txt.
     static pid_t start(const std::string& arguments) {
         const pid_t child = ::fork();
         if (child != 0) return child;
@@ -107,7 +107,7 @@ protected:
     }
 
     static inline fs::path folder_;
-    static inline std::int64_t whole_us_ = 0;  // what the uninterrupted run takes here
+    static inline std::int64_t whole_us_ = 0;  // duration of the uninterrupted run
 };
 
 TEST_F(ResumeCommand, TwoHalvesAreTheWhole) {
@@ -131,7 +131,7 @@ TEST_F(ResumeCommand, TwoHalvesAreTheWhole) {
     }
     EXPECT_EQ(last, 120);
 
-    // A checkpoint by itself, into a folder of its own.
+    // A checkpoint alone, into a new folder.
     fs::copy(folder_ / "half/checkpoints/iteration_59.ckpt", folder_ / "moved.ckpt");
     r = train("--resume moved.ckpt --out elsewhere --iterations 120");
     ASSERT_EQ(r.code, 0) << r;
@@ -169,7 +169,7 @@ TEST_F(ResumeCommand, ChangesAreAppliedAndRecorded) {
         }
     ASSERT_EQ(train("--config config.json --out unchanged --iterations 40").code, 0);
     EXPECT_FALSE(splats("changed", 40) == splats("unchanged", 40));
-    // They last.
+    // The changed settings are kept.
     r = train("--resume changed --iterations 50");
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_EQ(json::parse(contents(folder_ / "changed/config.json")).at("tv").at("k"), 15);
@@ -229,7 +229,7 @@ TEST_F(ResumeCommand, SignalsSaveACheckpoint) {
 }
 
 TEST_F(ResumeCommand, ASecondSignalLeavesAtOnce) {
-    // A pipe in the place of a picture holds the command there.
+    // A pipe in place of a picture blocks the command there.
     fs::create_directories(folder_ / "twice/test");
     ASSERT_EQ(::mkfifo((folder_ / "twice/test/0000.png").c_str(), 0600), 0);
     const pid_t child = start(
@@ -244,7 +244,7 @@ TEST_F(ResumeCommand, ASecondSignalLeavesAtOnce) {
     EXPECT_EQ(wait_for(child), 130);
 }
 
-/// RESUME_TEST_KILLS=50 for more.
+/// Set RESUME_TEST_KILLS=50 for more.
 TEST_F(ResumeCommand, KilledTenTimes) {
     const char* seed = std::getenv("RESUME_TEST_SEED");
     std::minstd_rand random(seed != nullptr ? static_cast<unsigned>(std::atoi(seed)) : 1);
@@ -255,11 +255,11 @@ TEST_F(ResumeCommand, KilledTenTimes) {
     int ended = 0;
     for (int i = 0; i < kills; ++i) {
         const pid_t child = start(arguments);
-        // Anywhere from before its start to some checkpoints later.
+        // Any time from before the start to several checkpoints later.
         ::usleep(static_cast<unsigned>(random() % static_cast<unsigned>(whole_us_ / 2)));
         ::kill(child, SIGKILL);
         ended += wait_for(child) == 0;
-        if (ended > 0) {  // before it could be killed: from the start again
+        if (ended > 0) {  // finished before it could be killed: start again
             ended = 0;
             EXPECT_TRUE(splats("killed") == splats("whole"));
             fs::remove_all(folder_ / "killed");
@@ -268,14 +268,14 @@ TEST_F(ResumeCommand, KilledTenTimes) {
     const Result r = train(arguments);
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(splats("killed") == splats("whole"));
-    // A run with splats is not begun anew, unless that is asked for.
+    // A run with splats is not started again without a request.
     fs::remove_all(folder_ / "killed/checkpoints");
     const Result refused = train(arguments);
     EXPECT_EQ(refused.code, 2) << refused;
     EXPECT_TRUE(refused.says("has splats and no checkpoint")) << refused;
     EXPECT_TRUE(splats("killed") == splats("whole"));
     EXPECT_EQ(train(arguments + " --overwrite").code, 0);
-    // But where a process was killed before its first checkpoint; what is not ours stays.
+    // Except if a process was killed before its first checkpoint; foreign files stay.
     for (const char* folder : {"checkpoints", "point_cloud"})
         fs::remove_all(folder_ / "killed" / folder);
     fs::create_directories(folder_ / "killed/point_cloud");
@@ -302,7 +302,7 @@ TEST_F(ResumeCommand, DamagedCheckpoints) {
     r = train("--resume damaged --iterations 120");
     EXPECT_EQ(r.code, 3) << r;
     EXPECT_TRUE(r.says("damaged/checkpoints/iteration_20.ckpt: has 50000 bytes")) << r;
-    // The one before is good: from there, and the damaged one gives way.
+    // The previous checkpoint is valid: resumes from it and removes the damaged one.
     fs::copy(folder_ / "older.ckpt", older, fs::copy_options::overwrite_existing);
     r = train("--resume damaged --iterations 120 --checkpoint-every 0");
     ASSERT_EQ(r.code, 0) << r;
@@ -334,7 +334,7 @@ TEST_F(ResumeCommand, AFullDiskKeepsTheLastGoodCheckpoint) {
     const auto bytes = fs::file_size(folder_ / "full/checkpoints/iteration_11.ckpt");
     const auto ply = fs::file_size(folder_ / "full/point_cloud/iteration_12/point_cloud.ply");
     ASSERT_GT(bytes, 2 * ply);
-    // Files end at what a disk with that much left would take: splats fit, a checkpoint does not.
+    // Limits files to the space that fits splats but not a checkpoint.
     const std::string limit = "ulimit -f " + std::to_string(2 * ply / 512) + "; ";
     Result r = shell(limit + "OMP_NUM_THREADS=1 " + kTrain +
                      " --device cpu --resume full --iterations 40 --checkpoint-every 10 2>err.txt");
@@ -350,7 +350,7 @@ TEST_F(ResumeCommand, AFullDiskKeepsTheLastGoodCheckpoint) {
 
 TEST_F(ResumeCommand, NumericalFailure) {
     ASSERT_EQ(train("--config config.json --out diverging --iterations 12").code, 0);
-    // Momentum that takes centres out of the finite numbers at any learning rate.
+    // Momentum that makes centres infinite at any learning rate.
     const std::string file = (folder_ / "diverging/checkpoints/iteration_11.ckpt").string();
     State state = read_checkpoint(file);
     for (StateArray& array : state.arrays) {

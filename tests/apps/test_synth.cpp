@@ -1,4 +1,4 @@
-// tvsgs-synth as a user runs it: what it writes agrees with itself and with the readers.
+// tvsgs-synth: its files agree with each other and with the readers.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -73,7 +73,8 @@ TEST_F(Synth, IsReadAsAScene) {
     EXPECT_LT(sparse.points.positions.size(), read.points.positions.size());
 }
 
-// The ground truth is exact: the mesh, seen by the cameras as read, is the photographs and masks.
+// The ground truth is exact: the mesh rendered with the cameras as read equals photographs and
+// masks.
 TEST_F(Synth, MeshAndCamerasExplainThePhotographs) {
     const PlyContents ply = read_ply(scene() + "/gt/mesh.ply");
     const TriangleMesh mesh{ply.points.positions, ply.points.colors, ply.faces};
@@ -92,8 +93,8 @@ TEST_F(Synth, MeshAndCamerasExplainThePhotographs) {
     }
 }
 
-// Through each lens the same: what the readers make of the bent photographs is what a pinhole sees,
-// and the points are seen where the model says.
+// The same for each lens: undistorted photographs equal the pinhole's image, and points are where
+// the model projects them.
 TEST_F(Synth, LensesAreUndoneByTheReaders) {
     for (const char* const lens : {"FULL_OPENCV", "FOV", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE"}) {
         const std::string name = other("lens");
@@ -111,13 +112,14 @@ TEST_F(Synth, LensesAreUndoneByTheReaders) {
         double undone = 0, left = 0;
         int seen = 0;
         for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-            if (view.photo.pixels[i] == 0) continue;  // the background, and what the lens misses
+            // The background, and parts outside of the lens's view.
+            if (view.photo.pixels[i] == 0) continue;
             ++seen;
             undone += std::abs(static_cast<double>(image.pixels[i]) - view.photo.pixels[i]);
             left += std::abs(static_cast<double>(image.pixels[i]) - bent.pixels[i]);
         }
         ASSERT_GT(seen, 5000) << lens;
-        // Interpolated once: the texture is blurred a little, and its places are right.
+        // Interpolated once: the texture is slightly blurred, but in place.
         EXPECT_LT(undone / seen, 4) << lens;
         EXPECT_GT(left / seen, 2 * undone / seen) << lens;
         fs::remove_all(name);
@@ -224,7 +226,7 @@ TEST_F(Synth, RefusesAndLeavesNothingBehind) {
     EXPECT_EQ(contents(other("foreign") + "/thesis.txt"), "precious");
 }
 
-// What scenes looked like before there were switches.
+// Scenes without switches stay the same.
 TEST_F(Synth, DefaultsKeepTheirPictures) {
     ASSERT_EQ(synth("--out " + other("spelled") +
                     " --views 12 --width 80 --height 60 --elevation-span 36 --points 8000"
@@ -238,7 +240,7 @@ TEST_F(Synth, DefaultsKeepTheirPictures) {
     }
 
     const ImageU8 photo = read_image(scene() + "/images/0006.png", 3);
-    double sums[3] = {};  // one per channel; each pixel weighs as its place
+    double sums[3] = {};  // one per channel; each pixel weighted by its position
     for (std::size_t i = 0; i < photo.pixels.size(); ++i)
         sums[i % 3] += static_cast<double>(i % 101) / 101 * photo.pixels[i];
     // Another compiler may round a few pixels the other way, each worth up to 1.
@@ -258,8 +260,8 @@ TEST_F(Synth, DefaultsKeepTheirPictures) {
     }
 }
 
-// Many objects on a ground with relief, from two heights; the surface explains the photographs, the
-// box holds it, and the views see nearly all of what faces up.
+// Many objects on uneven ground, from two heights: the surface explains the photographs, the box
+// contains it, and the views see nearly all surface that faces up.
 TEST_F(Synth, WideScenesAreExactAndSeen) {
     const std::string wide = other("wide");
     ASSERT_EQ(synth("--quiet --out " + wide + " --wide 5 --views 16 --width 64 --height 48"), 0);
@@ -306,13 +308,13 @@ TEST_F(Synth, WideScenesAreExactAndSeen) {
     }
     EXPECT_GT(seen, 0.95 * up) << up;
 
-    // Another side, other sizes; with highlights there is none.
+    // Another side, other sizes; with highlights, refused.
     EXPECT_EQ(synth("--quiet --out " + other("x") + " --wide 5 --views 4 --shininess 1"), 2);
     EXPECT_EQ(synth("--quiet --out " + other("x") + " --wide 1 --views 4"), 2);
     EXPECT_FALSE(fs::exists(other("x")));
 }
 
-/// A small scene from in front, with and without switches.
+/// A small frontal scene, with and without switches.
 class Switches : public Synth {
 protected:
     static void SetUpTestSuite() {
@@ -339,7 +341,7 @@ protected:
     static inline Scene plain_;
 };
 
-/// Degrees around and above the point that all cameras look at.
+/// Degrees around and above the target of all cameras.
 std::pair<double, double> direction_deg(const View& view) {
     const Vec3f d = camera_centre(view.camera) - Vec3f{0, 0, 0.85f};
     const double degree = std::acos(-1.0) / 180;
@@ -363,7 +365,8 @@ TEST_F(Switches, ViewsMasksAndPointsAreAsAsked) {
     EXPECT_TRUE(flat.test.empty());
     EXPECT_NEAR(direction_deg(flat.train[0]).second, 31, 1e-3);
     EXPECT_NEAR(direction_deg(flat.train[2]).second, 33, 1e-3);
-    // As dense on what is seen; this is a fourth of the samples, and the views differ somewhat.
+    // As dense on the visible surface; this is a fourth of the samples, and the views differ
+    // slightly.
     EXPECT_NEAR(static_cast<double>(flat.points.positions.size()) / 2000,
                 static_cast<double>(plain_.points.positions.size()) / 8000, 0.1);
 }
@@ -380,11 +383,11 @@ TEST_F(Switches, ExposureDriftsAsWritten) {
         double sum = 0, plain_sum = 0;
         const ImageU8& plain = plain_.train[i].photo;
         for (std::size_t k = 0; k < plain.pixels.size(); ++k) {
-            if (plain.pixels[k] > 190) continue;  // would be cut at 255
+            if (plain.pixels[k] > 190) continue;  // would saturate at 255
             plain_sum += plain.pixels[k], sum += drift.train[i].photo.pixels[k];
         }
-        // Roundings of thousands of values average out; one of half a grey level on all would be
-        // 0.5 of a mean near 80.
+        // Rounding errors of thousands of values average out; half a grey level on all would be 0.5
+        // of a mean near 80.
         EXPECT_NEAR(sum / plain_sum, gain, 0.003) << number;
     }
     EXPECT_GE(least, 0.7 - 1e-6);
@@ -392,12 +395,13 @@ TEST_F(Switches, ExposureDriftsAsWritten) {
     EXPECT_GT(most - least, 0.3);
 }
 
-// Where a highlight is brightest the surface is a mirror's; from elsewhere the same point is not.
+// Where a highlight is brightest, the normal is that of a mirror; another view shows no highlight
+// there.
 TEST_F(Switches, HighlightsMoveWithTheView) {
     constexpr float kStrength = 0.6f;
     const Scene shiny = make("shiny", "--shininess 0.6");
     const auto added = [&](std::size_t view, int x, int y) {
-        int least = 255;  // of the channels, none of which is then cut at 255
+        int least = 255;  // of the channels; none then saturates at 255
         for (int c = 0; c < 3; ++c)
             least = std::min(
                 least, shiny.train[view].photo.at(x, y, c) - plain_.train[view].photo.at(x, y, c));
@@ -426,7 +430,7 @@ TEST_F(Switches, HighlightsMoveWithTheView) {
         for (int c = 0; c < 3; ++c) normal[c] = render.normal.at(best_x, best_y, c);
         normal = transpose_times(camera.camera_from_world.R, normal);
         const Vec3f half = normalize(normalize(camera_centre(camera) - point) + to_light);
-        // A pixel covers many degrees of the small torus; the lobe is half as bright at 12.
+        // A pixel covers many degrees of the small torus; the lobe falls to half at 12.
         EXPECT_GT(dot(normal, half), std::cos(12 * std::acos(-1.0) / 180)) << view;
 
         for (std::size_t from = 0; from < shiny.train.size(); ++from) {
@@ -435,7 +439,7 @@ TEST_F(Switches, HighlightsMoveWithTheView) {
             const Vec3f p = seen_by.camera_from_world * point;
             const int x = static_cast<int>(seen_by.fx_px * p.x / p.z + seen_by.cx_px);
             const int y = static_cast<int>(seen_by.fy_px * p.y / p.z + seen_by.cy_px);
-            // Hidden there? A pixel is 0.06 wide.
+            // Skips hidden points. A pixel is 0.06 wide.
             if (std::abs(renders[from].depth.at(x, y) - p.z) > 0.06f) continue;
             if (added(from, x, y) < best / 2) ++moved;
         }
@@ -456,7 +460,7 @@ TEST_F(Switches, MasksCoverWhatIsSeen) {
 
 TEST_F(Switches, SkyFillsTheRestAndHasNoParallax) {
     const Scene sky = make("sky", "--background sky --elevation-span 0");
-    // A direction has one colour from wherever it is seen, and another one ten pixels on.
+    // A direction has one colour in all views, and another one ten pixels on.
     double same = 0, shifted = 0;
     int count = 0;
     const Camera &from = sky.train[1].camera, &to = sky.train[2].camera;
@@ -489,7 +493,7 @@ TEST_F(Switches, NoiseHasItsDeviation) {
     for (std::size_t i = 0; i < noisy.train.size(); ++i)
         for (std::size_t k = 0; k < noisy.train[i].photo.pixels.size(); ++k) {
             const double plain = plain_.train[i].photo.pixels[k];
-            if (plain < 30 || plain > 225) continue;  // the noise could be cut at 0 or 255
+            if (plain < 30 || plain > 225) continue;  // the noise could saturate at 0 or 255
             const double d = noisy.train[i].photo.pixels[k] - plain;
             sum += d, squares += d * d, ++count;
         }
@@ -507,7 +511,7 @@ TEST_F(Switches, TextureScalesTheContrast) {
             ASSERT_EQ(view.photo.pixels[k], view.photo.pixels[k + 1]);
             ASSERT_EQ(view.photo.pixels[k], view.photo.pixels[k + 2]);
         }
-    // Light times colour is linear in the contrast, up to 8 bits in each file and the cut at 1.
+    // Light times colour is linear in the contrast, up to 8 bits in each file and saturation at 1.
     const std::vector<Vec3f> full = surface().colors;
     const std::vector<Vec3f> none = read_ply(folder("grey") + "/gt/mesh.ply").points.colors;
     const std::vector<Vec3f> half = read_ply(folder("half") + "/gt/mesh.ply").points.colors;

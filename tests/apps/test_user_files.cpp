@@ -1,5 +1,5 @@
-// Whatever a command is told to write where, and however it ends: the files of the user's that
-// stand there stay as they are, and what a command that succeeded leaves, the next one takes.
+// However a command ends, and wherever it writes: existing files of the user stay unchanged, and
+// the next command accepts the results of a successful one.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 using Tree = std::map<std::string, std::string>;
 
-/// Every file below, with what it holds.
+/// Every file below `folder`, with its contents.
 Tree tree_of(const fs::path& folder) {
     Tree files;
     for (const auto& entry : fs::recursive_directory_iterator(folder))
@@ -25,7 +25,7 @@ Tree tree_of(const fs::path& folder) {
     return files;
 }
 
-/// The files of `mine` that are gone or hold something else; new ones do not count.
+/// The files of `mine` that are missing or changed; ignores new files.
 std::vector<std::string> harmed(const Tree& mine) {
     std::vector<std::string> names;
     for (const auto& [name, text] : mine)
@@ -50,7 +50,7 @@ protected:
     }
     static Result train(const std::string& arguments) { return call("train", kTrain + arguments); }
 
-    /// A scene and forty other files, all the user's: of names that commands like to use.
+    /// A scene and forty other files of the user, with names that commands use.
     static Tree make_home() {
         fs::remove_all(folder_ / "home");
         fs::create_directories(folder_ / "home");
@@ -88,7 +88,7 @@ protected:
                                  "README.md"})
             write(fs::path("home") / name);
         Tree mine = tree_of(folder_ / "home");
-        // A run, in which some files are the user's.
+        // A run that contains files of the user.
         fs::copy(folder_ / "run", folder_ / "home/run", fs::copy_options::recursive);
         for (const char* name :
              {"mesh/edited.blend", "mesh/mesh.png", "test/mine.txt", "per_view.json", "paper.tex",
@@ -156,7 +156,7 @@ TEST_F(UserFiles, NoCommandHarmsThem) {
           "bench vote --device cpu --synthetic 300 --out home/scores.json"})
         commands.push_back(more);
 
-    // As it ends by itself, interrupted, and on a disk where a file gets 4 KiB at most.
+    // Normal end, interrupted, and on a disk where a file gets at most 4 KiB.
     const std::vector<std::string> ends = {"", "timeout -s INT 0.1 ", "ulimit -f 8; "};
     Tree mine = make_home();
     for (const std::string& command : commands)
@@ -187,7 +187,7 @@ TEST_F(UserFiles, WhatACommandLeavesTheNextOneTakes) {
         takes("train", kTrain + "--resume next --iterations 12");
         takes("extract-mesh", mesh + "--model next");
         takes("extract-mesh", mesh + "--model next --out next.ply");
-        takes("extract-mesh", mesh + "--model next --out next.ply");  // its own may be replaced
+        takes("extract-mesh", mesh + "--model next --out next.ply");  // may replace its own file
         takes("eval",
               "geometry --quiet --point-samples 2000 --pred next.ply --gt scene/gt/mesh.ply --out "
               "next.json");

@@ -1,4 +1,4 @@
-// tvsgs-view as a user runs it; what the page draws is compared in tests/report/test_view.cpp.
+// tvsgs-view; tests/report/test_view.cpp checks the page's rendering.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

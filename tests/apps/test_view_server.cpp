@@ -1,4 +1,4 @@
-// tvsgs-view as a server: who is let in, and what it tells of a training.
+// tvsgs-view as a server: access control, and the state of a training.
 #include <gtest/gtest.h>
 #include <httplib.h>
 #include <signal.h>
@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-/// A run that has just begun, made by hand, and its server.
+/// A synthetic run that has just begun, and its server.
 class ViewServer : public testing::Test {
 protected:
     void SetUp() override {
@@ -104,7 +104,7 @@ TEST_F(ViewServer, LetsInWhoHasTheTokenAndAsksForThisMachine) {
     EXPECT_EQ(set, "tvsgs_" + port + "=" + token_ + "; HttpOnly; SameSite=Strict; Path=/");
     EXPECT_EQ(status("/api/state", let_in()), 200);
 
-    // Names that lead here, as a page of somebody else's may have them.
+    // Other host names for this machine, as a foreign page can use them.
     for (const std::string& host : {"evil.example:" + port, std::string("evil.example"),
                                     std::string("127.0.0.1"), "127.0.0.1.evil.example:" + port}) {
         httplib::Headers headers = let_in();
@@ -149,7 +149,7 @@ TEST_F(ViewServer, TellsOfATrainingAndOfItsEnd) {
     std::this_thread::sleep_for(20ms);
     write_snapshot(1300);
     EXPECT_NE(state()["tag"].text, now["tag"].text);
-    // The results come, and the page has them; first those of a training that was stopped.
+    // When results exist, the page shows them; first those of a stopped training.
     const auto before = c.Get("/", let_in());
     fs::remove_all(folder_ / "run/live");
     EXPECT_EQ(state()["live"].number, 0);

@@ -1,3 +1,4 @@
+// Marching cubes: known volumes and areas, closed surfaces, ambiguous cases.
 #include <gtest/gtest.h>
 
 #include <algorithm>

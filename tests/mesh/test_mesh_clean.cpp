@@ -1,3 +1,4 @@
+// Removal of small components.
 #include <gtest/gtest.h>
 
 #include "mesh/mend/mesh_clean.h"

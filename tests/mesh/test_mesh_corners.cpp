@@ -1,3 +1,4 @@
+// Corners, edges and spatial order against simple references.
 #include <gtest/gtest.h>
 
 #include <algorithm>

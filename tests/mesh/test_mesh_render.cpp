@@ -1,3 +1,4 @@
+// The mesh renderer against closed forms.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// TSDF fusion: against Open3D on a sphere, on planes, and between devices.
 #include <gtest/gtest.h>
 
 #include <algorithm>

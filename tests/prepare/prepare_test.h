@@ -1,4 +1,5 @@
-// A made reconstruction for the tests of tvsgs-prepare, and a stand-in for COLMAP that gives it.
+// A synthetic reconstruction for the tests of tvsgs-prepare, and a replacement for COLMAP that
+// returns it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -25,7 +26,7 @@ inline Rigid3d looking_from(Vec3d eye) {
     return pose;
 }
 
-/// Of a point in the world.
+/// Image position of a world point.
 inline Vec2<double> project(const Intrinsics& in, const Rigid3d& pose, Vec3d point) {
     const Vec3d p = pose * point;
     const Vec2<double> uv = distort(in.distortion, {p.x / p.z, p.y / p.z});
@@ -33,7 +34,7 @@ inline Vec2<double> project(const Intrinsics& in, const Rigid3d& pose, Vec3d poi
 }
 
 /// Cameras 10 degrees apart on a circle of radius 5 around 20 points near the origin, which all of
-/// them see; observations are off by `miss_px` along x.
+/// them see; observations are shifted by `miss_px` along x.
 inline SparseModel made_model(const std::vector<std::string>& names, double miss_px = 0) {
     SparseModel model;
     model.cameras = {{1, 4, 64, 48, {70, 71, 32, 24, -0.1, 0.02, 0.001, -0.002}}};
@@ -62,8 +63,8 @@ inline SparseModel made_model(const std::vector<std::string>& names, double miss
     return model;
 }
 
-/// Runs tvsgs-prepare with a `colmap` that notes what it is called with and gives models that the
-/// test has stored.
+/// Runs tvsgs-prepare with a `colmap` that logs its arguments and returns models that the test has
+/// stored.
 class PrepareTest : public IoTest {
 protected:
     void SetUp() override {
@@ -87,7 +88,7 @@ protected:
     std::string text(const std::string& name) const {
         return fs::exists(folder / name) ? read_bytes((folder / name).string()) : "";
     }
-    /// No scene, and nothing that was begun.
+    /// No scene, and no partial files.
     void expect_nothing_left() const {
         EXPECT_FALSE(fs::exists(folder / "scene"));
         for (const auto& entry : fs::directory_iterator(folder))

@@ -1,4 +1,4 @@
-// Moving a model, and the metric frame of markers.
+// Transforming a model, and the metric frame of markers.
 #include "apps/prepare/check.h"
 #include "apps/prepare/metric.h"
 #include "apps/prepare/photographs.h"
@@ -8,7 +8,7 @@
 namespace tvsgs::prepare {
 namespace {
 
-/// Of a rotation about a skew axis.
+/// With a rotation about a skew axis.
 Similarity some_similarity() {
     return {0.37, rotation(normalize(Quat<double>{0.8, 0.3, -0.4, 0.2})), {1, -2, 3}};
 }
@@ -60,7 +60,7 @@ TEST_F(Files, SparseModelsAreWrittenAndRead) {
     EXPECT_EQ(back.points[3].color, model.points[3].color);
     EXPECT_EQ(count_images(folder.string()), 2u);
     EXPECT_EQ(count_images((folder / "none").string()), 0u);
-    // The reader of scenes agrees on what it is.
+    // The reader of scenes reads the same.
     const ColmapModel other = read_colmap_model(folder.string());
     EXPECT_NEAR(other.images[1].camera_from_world.t.y, model.images[1].translation.y, 1e-12);
     EXPECT_EQ(read_colmap_points(folder.string()).positions.size(), 20u);
@@ -95,8 +95,8 @@ TEST_F(Files, PhotographsAreGroupedByWhatTheySay) {
     EXPECT_EQ(group_by_camera(photographs, Sharing::each).size(), 4u);
 }
 
-/// Squares of side 0.1 in metres, seen through the cameras of made_model in a frame of another
-/// scale and orientation, as COLMAP finds.
+/// Squares of side 0.1 metres, seen by the cameras of made_model in a frame of another scale and
+/// orientation, as COLMAP gives it.
 struct MarkerCase {
     std::vector<MarkerView> views;
     std::vector<Vec3d> corners[2];  // in metres: of markers 4 and 9
@@ -125,7 +125,7 @@ struct MarkerCase {
         for (std::size_t i = 0; i < model.images.size(); ++i)
             views.push_back({in, model.images[i].camera_from_world(), seen[i]});
     }
-    /// Where the frame puts what was at `metric`.
+    /// Position in the new frame of the point at `metric`.
     Vec3d found(const MetricFrame& frame, Vec3d metric) const {
         return frame.to_new * (some_similarity() * metric);
     }
@@ -139,7 +139,7 @@ TEST(Metric, MarkersOnTheFloorGiveMetresAndUp) {
     EXPECT_TRUE(frame.upright);
     EXPECT_NEAR(frame.spread, 0, 1e-9);
     EXPECT_NEAR(frame.to_new.scale * 0.37, 1, 1e-9);
-    // The origin is in the middle of marker 4, x along its upper edge, z out of the paper.
+    // The origin is the centre of marker 4, x along its upper edge, z out of the paper.
     const Vec3d p = c.found(frame, Vec3d{0.3, 0.1, 0} + Vec3d{0.02, 0.3, 0.7});
     EXPECT_NEAR(p.x, 0.02, 1e-9);
     EXPECT_NEAR(p.y, 0.3, 1e-9);
@@ -171,7 +171,7 @@ TEST(Metric, WhatNoTwoPhotographsSeeIsNoMeasure) {
     c.views.resize(1);
     expect_error(ExitCode::input, "2 markers were found in 1 photographs",
                  [&] { metric_frame(c.views, 0.1, false); });
-    // One that is no square: a corner was found in the wrong place.
+    // Not a square: a corner was found in the wrong place.
     MarkerCase skew(x, -y, -y);
     for (MarkerView& view : skew.views) view.markers[1].corners[2].x += 3;
     EXPECT_EQ(metric_frame(skew.views, 0.1, false).markers, 1);

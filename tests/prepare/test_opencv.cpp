@@ -1,4 +1,4 @@
-// What tvsgs-prepare has OpenCV do: TIFF, calibrations, markers and videos.
+// The OpenCV functions of tvsgs-prepare: TIFF, calibrations, markers and videos.
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -54,7 +54,7 @@ TEST_F(OpenCv, CalibrationsBecomeLenses) {
     EXPECT_EQ(lens.params,
               (std::vector<double>{500, 510, 320, 240, -0.1, 0.03, 0.002, -0.003, 0.01, 0, 0, 0}));
     EXPECT_EQ(lens.width, 640);
-    // The same pixel as OpenCV's own projection says, half a pixel apart.
+    // The same pixel as OpenCV's own projection, shifted by half a pixel.
     const Intrinsics in =
         make_intrinsics("lens", 1, *find_camera_model(lens.model), 640, 480, lens.params);
     std::vector<cv::Point2d> theirs;
@@ -71,7 +71,7 @@ TEST_F(OpenCv, CalibrationsBecomeLenses) {
                  [&] { read_calibration(write("none.json", "{\"a\": 1}")); });
     expect_error(ExitCode::input, "nowhere.yml", [] { read_calibration("nowhere.yml"); });
 
-    // It is kept, at the size of the photographs.
+    // It is kept, scaled to the size of the photographs.
     photos({"a.png", "b.png"});
     store(0, made_model({"a.png", "b.png"}));
     const Result r = run("photos scene --calibration lens.yml");
@@ -87,7 +87,7 @@ TEST_F(OpenCv, CalibrationsBecomeLenses) {
     EXPECT_TRUE(run("photos other --calibration lens.yml").says("made for 640x480 pixels"));
 }
 
-/// What a camera sees of a marker on a white floor: each pixel's ray meets z = 0 on the paper.
+/// Image of a marker on a white floor: each pixel's ray meets z = 0 on the paper.
 ImageU8 photo_of_marker(const Intrinsics& in,
                         const Rigid3d& pose,
                         const cv::Mat& paper,
@@ -118,7 +118,7 @@ ImageU8 photo_of_marker(const Intrinsics& in,
 }
 
 TEST_F(OpenCv, MarkersMakeTheSceneMetric) {
-    // A tag of 0.2 m at the origin, upright in the picture of a camera that looks along +y.
+    // A tag of 0.2 m at the origin, upright in the image of a camera that looks along +y.
     cv::Mat paper;
     cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11), 5, 80,
                           paper, 1);
@@ -143,7 +143,7 @@ TEST_F(OpenCv, MarkersMakeTheSceneMetric) {
         EXPECT_NEAR(markers[0].corners[c].x, place.x, 0.5) << c;
         EXPECT_NEAR(markers[0].corners[c].y, place.y, 0.5) << c;
     }
-    // COLMAP finds the same cameras in a frame of its own.
+    // COLMAP finds the same cameras in another frame.
     SparseModel other = model;
     move(other, {3.1, rotation(normalize(Quat<double>{0.8, 0.3, -0.4, 0.2})), {1, -2, 3}});
     store(0, other);
@@ -194,14 +194,14 @@ TEST_F(OpenCv, VideosGiveSharpFramesThatMoved) {
                 nearest = i;
         sharp += nearest % 3 == 0;
     }
-    EXPECT_GE(sharp, count - 1);  // the last one may have to be what there is
+    EXPECT_GE(sharp, count - 1);  // the last one can be the only choice
     fs::remove_all(folder / "frames");
     fs::create_directories(folder / "frames");
     EXPECT_EQ(extract_frames((folder / "walk.avi").string(), (folder / "frames").string(), 5), 5);
     expect_error(ExitCode::input, "not a video that OpenCV reads",
                  [&] { extract_frames(write("no.avi", "no video"), folder.string(), 5); });
 
-    // The whole command; the first frame is always one of them.
+    // The whole command; the first frame is always selected.
     store(0, made_model({"frame_00000.jpg"}));
     const Result r = run("walk.avi scene --frames 5 --min-share 20");
     ASSERT_EQ(r.code, 0) << r;

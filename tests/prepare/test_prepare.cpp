@@ -1,4 +1,4 @@
-// tvsgs-prepare as a user runs it, with a stand-in for COLMAP.
+// tvsgs-prepare, with a replacement for COLMAP.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -49,10 +49,9 @@ TEST_F(Prepare, PhotographsBecomeAScene) {
     EXPECT_EQ(report()["registered"].number, 5);
     EXPECT_NEAR(report()["residual_px"].number, 0.75, 1e-3);
     EXPECT_EQ(report()["missing"].items.at(0).text, "IMG_4.JPG");
-    // The rim of the points' cloud is seen from 40 degrees apart around the axis; all of them
-    // about.
+    // Cameras span 40 degrees around the axis; the angles of all points are close to that.
     EXPECT_NEAR(report()["angle_deg"].number, 37, 3);
-    // Photographs are what they were, and training reads them.
+    // Photographs stay unchanged, and training reads them.
     EXPECT_EQ(text("scene/images/b/1.png"), text("photos/b/1.png"));
     SceneOptions options;
     options.path = (folder / "scene").string();
@@ -85,7 +84,7 @@ TEST_F(Prepare, PhotographsOfASceneStayWhereTheyLie) {
     r = run("scene/images scene --anew");
     EXPECT_EQ(r.code, 2) << r;
     EXPECT_TRUE(r.says("scene/sparse is there already")) << r;
-    // Nothing is added where it fails.
+    // Adds nothing if it fails.
     for (const char* ours : {"scene/sparse", "scene/prepare.json", "scene/prepare.log"})
         fs::remove_all(folder / ours);
     write("fail_exhaustive_matcher", "");
@@ -95,13 +94,13 @@ TEST_F(Prepare, PhotographsOfASceneStayWhereTheyLie) {
     EXPECT_NE(run("scene/images scene").code, 0);
 }
 
-/// Hours of COLMAP are behind the last step.
+/// The last step must not fail after hours of COLMAP.
 TEST_F(Prepare, TheSceneIsMadeInTheFolderThatIsThere) {
     photos(kNames);
     photo(".thumbnails/IMG_1.JPG");
     photo("b/.trash/old.png");
     store(0, made_model(kNames));
-    // A link to an empty folder stays a link; the folder itself stays, as a mount point has to.
+    // A link to an empty folder stays a link; the folder stays, as a mount point must.
     fs::create_directories(folder / "disk/empty");
     fs::create_directory_symlink("disk/empty", folder / "scene");
     const int watched = open((folder / "disk/empty").c_str(), O_RDONLY | O_DIRECTORY);
@@ -116,7 +115,7 @@ TEST_F(Prepare, TheSceneIsMadeInTheFolderThatIsThere) {
     EXPECT_TRUE(fs::is_symlink(folder / "scene"));
     EXPECT_EQ(std::distance(fs::directory_iterator(folder / "disk/empty"), {}), 4);
     EXPECT_EQ(report()["photographs"].number, 5) << "folders with a dot are not looked into";
-    // Something comes meanwhile: into a folder that was there, to a name that was free.
+    // Something else takes the place meanwhile: in an existing folder, or under a free name.
     for (const bool there : {true, false}) {
         const std::string scene = there ? "there" : "free";
         if (there) fs::create_directories(folder / scene);
@@ -159,7 +158,7 @@ TEST_F(Prepare, CamerasAndLensesFollowThePhotographs) {
     store(0, model);
     ASSERT_EQ(run("photos scene --threads 3 --max-size 1000 --matcher sequential").code, 0);
     std::string calls = text("calls.txt");
-    // The search begins with one coefficient; the others come afterwards.
+    // The search starts with one coefficient; the others follow.
     EXPECT_NE(calls.find("--ImageReader.camera_model SIMPLE_RADIAL "), std::string::npos) << calls;
     const SparseCamera camera = read_sparse_model((folder / "scene/sparse/0").string()).cameras[0];
     EXPECT_EQ(camera.model, 4);
@@ -168,7 +167,7 @@ TEST_F(Prepare, CamerasAndLensesFollowThePhotographs) {
     EXPECT_NE(calls.find("--Mapper.num_threads 3"), std::string::npos) << calls;
     EXPECT_NE(calls.find("--SiftExtraction.max_image_size 1000"), std::string::npos) << calls;
     EXPECT_NE(calls.find("sequential_matcher"), std::string::npos) << calls;
-    // Enough photographs of one camera tell its principal point.
+    // Enough photographs of one camera determine its principal point.
     EXPECT_NE(calls.find("--BundleAdjustment.refine_principal_point 1"), std::string::npos);
 
     write("calls.txt", "");
@@ -211,7 +210,7 @@ TEST_F(Prepare, TooFewPosesAreAnError) {
     expect_nothing_left();
     r = run("photos scene --min-share 40");
     EXPECT_EQ(r.code, 0) << r;
-    // Nothing at all.
+    // No model at all.
     fs::remove_all(folder / "models");
     fs::create_directories(folder / "models");
     write("fail_mapper", "");
@@ -242,14 +241,14 @@ TEST_F(Prepare, WhatFailsIsSaidAndLeavesNothing) {
     EXPECT_TRUE(r.says("colmap mapper failed (exit code 139)")) << r;
     expect_nothing_left();
     fs::remove(folder / "crash_mapper");
-    // A model that is cut off.
+    // A truncated model.
     const std::string images = text("models/0/images.bin");
     write("models/0/images.bin", images.substr(0, images.size() / 2));
     const Result cut = run("photos scene");
     EXPECT_EQ(cut.code, 3) << cut;
     EXPECT_TRUE(cut.says("the file is cut off or damaged")) << cut;
     expect_nothing_left();
-    // A log of the user's stays.
+    // A log of the user stays.
     write("scene.log", "mine");
     EXPECT_EQ(run("photos scene").code, 3);
     EXPECT_EQ(text("scene.log"), "mine");
@@ -313,7 +312,7 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     EXPECT_NE(calls.find("point_triangulator"), std::string::npos) << calls;
     EXPECT_NE(calls.find("--clear_points 1"), std::string::npos) << calls;
     EXPECT_EQ(calls.find(": mapper"), std::string::npos) << calls;
-    // What was given to it: the poses of the photographs that are there, without points.
+    // COLMAP's input: the poses of the existing photographs, without points.
     const SparseModel given = read_sparse_model((folder / "given").string());
     ASSERT_EQ(given.images.size(), kNames.size());
     EXPECT_TRUE(given.points.empty());
@@ -326,7 +325,7 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     EXPECT_EQ(other.code, 3) << other;
     EXPECT_TRUE(other.says("names 0 of the photographs")) << other;
     EXPECT_EQ(text("calls.txt").find("feature_extractor"), std::string::npos);
-    // A photograph that became a PNG is known by its own name.
+    // A photograph that was converted to PNG keeps its own name in the poses.
     ImageU8 picture(64, 48, 3, 90);
     write("photos/IMG_1.webp", webp_bytes(picture, 90));
     fs::remove(folder / "photos/IMG_1.JPG");

@@ -1,3 +1,4 @@
+// Scratch file for arrays that do not fit into memory.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +9,7 @@
 
 namespace tvsgs {
 
-/// Scratch file for arrays that do not fit into memory. All functions throw Error(ExitCode::io).
+/// Stores arrays one after the other. All functions throw Error(ExitCode::io).
 class SpillFile {
 public:
     /// Makes the folder if it does not exist.
