@@ -165,7 +165,7 @@ ViewRun read_run(const std::string& path,
         std::vector<Camera> all;
         for (const ViewCamera& c : cameras) all.push_back(c.camera);
         if (run.mesh_faces > input.max_faces)
-            simplify_and_say(mesh, all, {0, static_cast<int>(input.max_faces)},
+            simplify_and_log(mesh, all, {0, static_cast<int>(input.max_faces)},
                              spdlog::level::debug);
         run.mesh = std::move(mesh);
     };

@@ -9,7 +9,7 @@
 #include <tuple>
 
 #include "mesh/mend/mesh_clean.h"
-#include "mesh/mend/mesh_sound.h"
+#include "mesh/mend/mesh_manifold.h"
 #include "mesh/shapes.h"
 
 namespace tvsgs::test {
@@ -43,7 +43,7 @@ inline TriangleMesh without(TriangleMesh mesh, const std::function<bool(Vec3f)>&
 }
 
 struct Topology {
-    int rim_edges = 0, euler = 0;  // euler: vertices - edges + faces
+    int boundary_edges = 0, euler = 0;  // euler: vertices - edges + faces
     // No repeated face, none without area, at most two faces at an edge, in opposite directions.
     bool sound = true;
 };
@@ -66,7 +66,7 @@ inline Topology topology(const TriangleMesh& mesh) {
         std::sort(corners.begin(), corners.end());
         t.sound &= faces.insert(corners).second;
     }
-    for (const auto& [edge, count] : edges) t.rim_edges += count == 1, t.sound &= count <= 2;
+    for (const auto& [edge, count] : edges) t.boundary_edges += count == 1, t.sound &= count <= 2;
     t.euler = static_cast<int>(used.size()) - static_cast<int>(edges.size()) +
               static_cast<int>(mesh.faces.size());
     return t;

@@ -58,10 +58,10 @@ inline TriangleMesh relief(double side,
 }
 
 struct Topology {
-    int euler = 0;          // used vertices - edges + faces
-    int rim_edges = 0;      // of one face
-    int crowded_edges = 0;  // of more than two faces
-    int twisted_edges = 0;  // with two faces in the same direction
+    int euler = 0;           // used vertices - edges + faces
+    int boundary_edges = 0;  // of one face
+    int crowded_edges = 0;   // of more than two faces
+    int twisted_edges = 0;   // with two faces in the same direction
     int repeated_faces = 0;
     int pinched = 0;  // vertices that boundaries pass more than once
 };
@@ -83,21 +83,21 @@ inline Topology topology(const TriangleMesh& mesh) {
             ++(a < b ? forwards : backwards);
         }
     }
-    std::map<int, int> rims_at;
+    std::map<int, int> boundary_at;
     for (const auto& [edge, count] : edges) {
         const int all = count.first + count.second;
-        if (all == 1) ++rims_at[edge.first], ++rims_at[edge.second];
-        out.rim_edges += all == 1;
+        if (all == 1) ++boundary_at[edge.first], ++boundary_at[edge.second];
+        out.boundary_edges += all == 1;
         out.crowded_edges += all > 2;
         out.twisted_edges += count.first > 1 || count.second > 1;
     }
-    for (const auto& [vertex, count] : rims_at) out.pinched += count > 2;
+    for (const auto& [vertex, count] : boundary_at) out.pinched += count > 2;
     out.euler = static_cast<int>(used.size()) - static_cast<int>(edges.size()) +
                 static_cast<int>(mesh.faces.size());
     return out;
 }
 
-/// Looks from `eye` at `target`, in 400x400 pixels.
+/// ViewCounts from `eye` at `target`, in 400x400 pixels.
 inline Camera looking(Vec3d eye, Vec3d target, double focal_px) {
     const Vec3d z = normalize(target - eye);
     const Vec3d x = normalize(cross(z, std::abs(z.z) < 0.9 ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}));

@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kMost = (1 << kGridBits) - 1;
+constexpr int kMax = (1 << kGridBits) - 1;
 
 /// Determinant of a matrix of small integers by cofactors, independent of the predicates.
 detail::Int128 determinant(const std::vector<std::vector<detail::Int128>>& m) {
@@ -46,7 +46,7 @@ int exact_in_sphere(Vec3i a, Vec3i b, Vec3i c, Vec3i d, Vec3i p) {
 Random4 draw(std::uint64_t seed, int i) {
     return random4(seed, RandomStream::test, static_cast<std::uint64_t>(i));
 }
-Vec3i random_point(std::uint64_t seed, int i, int extent = kMost) {
+Vec3i random_point(std::uint64_t seed, int i, int extent = kMax) {
     const Random4 r = draw(seed, i);
     const auto in = [&](int axis) {
         return static_cast<int>(uniform(r.v[axis]) * static_cast<float>(extent));
@@ -64,10 +64,10 @@ TEST(GridPredicates, AgreeWithCofactorsAlsoWhereTheyVanish) {
     int zeros = 0, by_one = 0;
     for (int i = 0; i < 2000; ++i) {
         // Small grids make flat and cospherical cases; a factor takes them to the largest numbers.
-        const int extent = 2 + i % 5, factor = i % 2 ? kMost / extent : 1;
+        const int extent = 2 + i % 5, factor = i % 2 ? kMax / extent : 1;
         Vec3i p[5];
         for (int k = 0; k < 5; ++k) p[k] = factor * random_point(i, k, extent);
-        if (i % 3 == 0) p[4].x = std::min(p[4].x + 1, kMost), ++by_one;  // next to zero
+        if (i % 3 == 0) p[4].x = std::min(p[4].x + 1, kMax), ++by_one;  // next to zero
         EXPECT_EQ(orientation(p[0], p[1], p[2], p[4]), exact_orientation(p[0], p[1], p[2], p[4]));
         const int side = exact_in_sphere(p[0], p[1], p[2], p[3], p[4]);
         EXPECT_EQ(in_sphere(p[0], p[1], p[2], p[3], p[4]), side);
@@ -75,13 +75,11 @@ TEST(GridPredicates, AgreeWithCofactorsAlsoWhereTheyVanish) {
     }
     EXPECT_GT(zeros, 200);
     // The largest numbers allowed.
-    EXPECT_EQ(orientation({0, 0, 0}, {kMost, 0, 0}, {0, kMost, 0}, {kMost, kMost, 1}), 1);
+    EXPECT_EQ(orientation({0, 0, 0}, {kMax, 0, 0}, {0, kMax, 0}, {kMax, kMax, 1}), 1);
+    EXPECT_EQ(in_sphere({0, 0, 0}, {kMax, 0, 0}, {0, kMax, 0}, {0, 0, kMax}, {kMax, kMax, kMax}),
+              0);
     EXPECT_EQ(
-        in_sphere({0, 0, 0}, {kMost, 0, 0}, {0, kMost, 0}, {0, 0, kMost}, {kMost, kMost, kMost}),
-        0);
-    EXPECT_EQ(in_sphere({0, 0, 0}, {kMost, 0, 0}, {0, kMost, 0}, {0, 0, kMost},
-                        {kMost, kMost, kMost - 1}),
-              1);
+        in_sphere({0, 0, 0}, {kMax, 0, 0}, {0, kMax, 0}, {0, 0, kMax}, {kMax, kMax, kMax - 1}), 1);
 }
 
 /// Checks that the cells are the Delaunay tetrahedra of all points; returns their number.
@@ -171,7 +169,7 @@ TEST(Delaunay, RandomPoints) {
 
 TEST(Delaunay, LatticesWhereEveryCubeIsCospherical) {
     for (const int n : {2, 3, 6})
-        for (const int step : {1, kMost / n}) {
+        for (const int step : {1, kMax / n}) {
             std::vector<Vec3i> points;
             for (int i = 0; i < n * n * n; ++i)
                 points.push_back({i % n * step, i / n % n * step, i / n / n * step});
@@ -203,9 +201,9 @@ TEST(Delaunay, ThinShellsAsPivotsMakeThem) {
         for (const float radius : {4e6f, 4e6f + 300})
             points.push_back(vec_cast<int>(radius * n + Vec3f{8e6f, 8e6f, 8e6f}));
     }
-    for (const int x : {0, kMost})
-        for (const int y : {0, kMost})
-            for (const int z : {0, kMost}) points.push_back({x, y, z});
+    for (const int x : {0, kMax})
+        for (const int y : {0, kMax})
+            for (const int z : {0, kMax}) points.push_back({x, y, z});
     check(points);
 }
 

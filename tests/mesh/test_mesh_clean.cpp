@@ -62,10 +62,10 @@ TEST(MeshClean, OddInput) {
     keep_largest_components(empty, 1);
     EXPECT_EQ(empty.vertices.size(), 3u);  // unchanged
 
-    TriangleMesh crumbs;
-    add_strip(crumbs, 49);
-    EXPECT_EQ(keep_largest_components(crumbs, 5).kept_components, 0u);
-    EXPECT_TRUE(crumbs.vertices.empty());
+    TriangleMesh small;
+    add_strip(small, 49);
+    EXPECT_EQ(keep_largest_components(small, 5).kept_components, 0u);
+    EXPECT_TRUE(small.vertices.empty());
 
     TriangleMesh repeated;
     add_strip(repeated, 60);

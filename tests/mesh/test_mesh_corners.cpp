@@ -66,7 +66,8 @@ void expect_edges_of_a_count(const TriangleMesh& mesh) {
     EXPECT_EQ(edges.fixed, fixed);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f)
         for (int k = 0; k < 3; ++k)
-            EXPECT_EQ(edges.rim[3 * f + std::size_t(k)] != 0, counts[edge_of(mesh, f, k)] == 1);
+            EXPECT_EQ(edges.boundary[3 * f + std::size_t(k)] != 0,
+                      counts[edge_of(mesh, f, k)] == 1);
 }
 
 TEST(MeshCorners, EdgesAreThoseOfACount) {

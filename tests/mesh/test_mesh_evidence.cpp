@@ -152,7 +152,7 @@ TEST(Components, AFloatingSheetGoesHoweverLarge) {
     EXPECT_EQ(report.components, 2u);
     EXPECT_EQ(report.kept_components, 1u);
     EXPECT_EQ(report.looked_through, 1u);
-    EXPECT_EQ(report.lonely, 0u);
+    EXPECT_EQ(report.single_view, 0u);
     EXPECT_EQ(mesh.faces.size(), wall.faces.size());
     EXPECT_EQ(mesh.vertices.size(), wall.vertices.size());
     // A second view that sees it is not enough: one view of two still looks through.
@@ -203,11 +203,11 @@ TEST(Components, ABoltStaysACrumbBehindGoes) {
             bolt.faces.push_back({a, a + 4, a + 3});
         }
     ASSERT_EQ(bolt.faces.size(), 20u);
-    const TriangleMesh seen = joined({wall, bolt}), crumb = sheet(0, 0, -0.5, 1, 20);
-    TriangleMesh mesh = joined({crumb, seen});
+    const TriangleMesh seen = joined({wall, bolt}), hidden = sheet(0, 0, -0.5, 1, 20);
+    TriangleMesh mesh = joined({hidden, seen});
     const EvidenceReport report = keep_seen_components(mesh, source_of(views_of(seen)));
     EXPECT_EQ(report.kept_components, 2u);
-    EXPECT_EQ(report.peeled_faces, crumb.faces.size());
+    EXPECT_EQ(report.peeled_faces, hidden.faces.size());
     EXPECT_EQ(mesh.faces.size(), seen.faces.size());
     // At half the width it is too small in every view.
     TriangleMesh tiny = bolt;
@@ -226,7 +226,7 @@ TEST(Components, ThinRodsStay) {
     const std::size_t top = faces_left(mesh, views);
     EXPECT_GT(top, wall.faces.size() + 30 * 30);
     const EvidenceReport report = keep_seen_components(mesh, source_of(views));
-    EXPECT_EQ(report.looked_through + report.lonely, 0u);
+    EXPECT_EQ(report.looked_through + report.single_view, 0u);
     // From far away it is a fifth of a pixel wide: one view that misses it does not outweigh three
     // that see it.
     views.push_back(view_of(joined({wall, rod}), {0, 0, 30}));
@@ -287,12 +287,12 @@ TEST(Components, OneViewIsNotEnoughWhereAnotherCouldSee) {
     EXPECT_EQ(faces_left(patch, {whole}), patch.faces.size());
     TriangleMesh mesh = patch;
     const EvidenceReport report = keep_seen_components(mesh, source_of(views));
-    EXPECT_EQ(report.lonely, 1u);
+    EXPECT_EQ(report.single_view, 1u);
     EXPECT_EQ(report.looked_through, 0u);
     EXPECT_TRUE(mesh.faces.empty());
 }
 
-TEST(Components, PeelsOffWhatNoViewSeesFromTheRims) {
+TEST(Components, PeelsUnseenFacesOffTheBoundaries) {
     // The mesh's wall is larger than the scene's, and has a patch inside that no view sees.
     const TriangleMesh wall = sheet(0, 0, 0, 2, 20);
     TriangleMesh wide;

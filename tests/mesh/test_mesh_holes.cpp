@@ -18,7 +18,7 @@ namespace {
 
 using namespace test;
 
-HoleRim alone(std::vector<Vec3d> points) {
+HoleBoundary alone(std::vector<Vec3d> points) {
     const std::size_t n = points.size();
     return {std::move(points), std::vector<std::vector<Vec3d>>(n), [](int, int) { return true; }};
 }
@@ -33,14 +33,14 @@ double area_of(const std::vector<Vec3d>& points, const std::vector<Vec3i>& faces
 }
 
 /// Least area over all triangulations of points i to j.
-double least_by_trying(const HoleRim& rim, int i, int j) {
+double least_by_trying(const HoleBoundary& boundary, int i, int j) {
     if (j < i + 2) return 0;
-    const int n = static_cast<int>(rim.points.size());
+    const int n = static_cast<int>(boundary.points.size());
     double least = std::numeric_limits<double>::infinity();
-    if (j - i < n - 1 && !rim.may_be_joined(i, j)) return least;
+    if (j - i < n - 1 && !boundary.may_be_joined(i, j)) return least;
     for (int k = i + 1; k < j; ++k)
-        least = std::min(least, least_by_trying(rim, i, k) + least_by_trying(rim, k, j) +
-                                    area_of(rim.points, {{i, k, j}}));
+        least = std::min(least, least_by_trying(boundary, i, k) + least_by_trying(boundary, k, j) +
+                                    area_of(boundary.points, {{i, k, j}}));
     return least;
 }
 
@@ -48,27 +48,28 @@ TEST(Patch, HasTheLeastArea) {
     std::mt19937 random(3);
     std::uniform_real_distribution<double> number(-1, 1);
     for (int n = 3; n < 10; ++n) {
-        HoleRim rim = alone(std::vector<Vec3d>(std::size_t(n)));
-        for (Vec3d& p : rim.points) p = {number(random), number(random), number(random)};
+        HoleBoundary boundary = alone(std::vector<Vec3d>(std::size_t(n)));
+        for (Vec3d& p : boundary.points) p = {number(random), number(random), number(random)};
         const auto check = [&] {
-            const std::vector<Vec3i> faces = least_area(rim);
+            const std::vector<Vec3i> faces = least_area(boundary);
             ASSERT_EQ(static_cast<int>(faces.size()), n - 2);
-            EXPECT_NEAR(area_of(rim.points, faces), least_by_trying(rim, 0, n - 1), 1e-12) << n;
+            EXPECT_NEAR(area_of(boundary.points, faces), least_by_trying(boundary, 0, n - 1), 1e-12)
+                << n;
             for (const Vec3i f : faces)
                 for (int k = 0; k < 3; ++k)
                     if (const int apart = std::abs(f[k] - f[(k + 1) % 3]);
                         apart != 1 && apart != n - 1) {
-                        EXPECT_TRUE(rim.may_be_joined(f[k], f[(k + 1) % 3])) << n;
+                        EXPECT_TRUE(boundary.may_be_joined(f[k], f[(k + 1) % 3])) << n;
                     }
         };
         check();
         if (n < 5) continue;
-        rim.may_be_joined = [&](int a, int b) { return (a + b) % 5 != 0; };
-        if (!least_area(rim).empty()) check();
+        boundary.may_be_joined = [&](int a, int b) { return (a + b) % 5 != 0; };
+        if (!least_area(boundary).empty()) check();
     }
-    const HoleRim quad = alone({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}});
+    const HoleBoundary quad = alone({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}});
     EXPECT_EQ(least_area(quad).size(), 2u);
-    HoleRim no_chord = quad;
+    HoleBoundary no_chord = quad;
     no_chord.may_be_joined = [](int, int) { return false; };
     EXPECT_TRUE(least_area(no_chord).empty());
     EXPECT_TRUE(least_area(alone({{0, 0, 0}, {1, 0, 0}})).empty());
@@ -96,7 +97,7 @@ TEST(Patch, HasFacesAsLargeAsTheLoopsEdges) {
     const Topology t = topology(mesh);
     EXPECT_TRUE(t.sound);
     EXPECT_EQ(t.euler, 1);
-    EXPECT_EQ(t.rim_edges, static_cast<int>(loop.size()));
+    EXPECT_EQ(t.boundary_edges, static_cast<int>(loop.size()));
     // Equilateral faces would be 693.
     EXPECT_GT(patch.faces.size(), 400u);
     EXPECT_LT(patch.faces.size(), 1100u);
@@ -110,17 +111,17 @@ TEST(Patch, HasFacesAsLargeAsTheLoopsEdges) {
 
 TEST(Patch, HasNoEdgeThatMayNotBe) {
     // The long diagonal of a rhombus is tested, although the short one gives better faces.
-    HoleRim rim = alone({{0, -0.3, 0}, {1, 0, 0}, {0, 0.3, 0}, {-1, 0, 0}});
+    HoleBoundary boundary = alone({{0, -0.3, 0}, {1, 0, 0}, {0, 0.3, 0}, {-1, 0, 0}});
     const auto has_short = [&](const std::vector<Vec3i>& faces) {
         bool found = false;
         for (const Vec3i f : faces)
             for (int k = 0; k < 3; ++k) found |= f[k] + f[(k + 1) % 3] == 2;
         return found;
     };
-    EXPECT_FALSE(has_short(least_area(rim))) << "both have the same area";
-    EXPECT_TRUE(has_short(make_patch(rim).faces));
-    rim.may_be_joined = [](int a, int b) { return a + b != 2; };
-    EXPECT_FALSE(has_short(make_patch(rim).faces));
+    EXPECT_FALSE(has_short(least_area(boundary))) << "both have the same area";
+    EXPECT_TRUE(has_short(make_patch(boundary).faces));
+    boundary.may_be_joined = [](int a, int b) { return a + b != 2; };
+    EXPECT_FALSE(has_short(make_patch(boundary).faces));
 }
 
 /// A unit ball with faces about 0.03 wide, without the faces within `angle` of +z.
@@ -162,7 +163,7 @@ TEST(Holes, OfABallAreClosedUpToTheBound) {
     const Topology t = topology(mesh);
     EXPECT_TRUE(t.sound);
     EXPECT_EQ(t.euler, 2);
-    EXPECT_EQ(t.rim_edges, 0);
+    EXPECT_EQ(t.boundary_edges, 0);
     EXPECT_NEAR(volume(mesh), volume(whole), 2e-5 * volume(whole));
     // The filling continues the ball: a flat one would be 0.01 below it.
     for (const Vec3f p : mesh.vertices) EXPECT_NEAR(norm(p), 1, 1.5e-3);
@@ -324,7 +325,7 @@ TEST(Holes, OfATorusLeaveItsGenus) {
     });
     torus = welded(torus);
     ASSERT_EQ(topology(torus).euler, 0);
-    ASSERT_EQ(topology(torus).rim_edges, 0);
+    ASSERT_EQ(topology(torus).boundary_edges, 0);
     const double whole = volume(torus);
     TriangleMesh mesh = without(torus, [](Vec3f p) {
         return norm(p - Vec3f{1, 0, 0.4f}) < 0.12f || norm(p - Vec3f{0, 1.4f, 0}) < 0.15f;
@@ -334,7 +335,7 @@ TEST(Holes, OfATorusLeaveItsGenus) {
     const Topology t = topology(mesh);
     EXPECT_TRUE(t.sound);
     EXPECT_EQ(t.euler, 0);
-    EXPECT_EQ(t.rim_edges, 0);
+    EXPECT_EQ(t.boundary_edges, 0);
     EXPECT_NEAR(volume(mesh), whole, 1e-3 * whole);
 }
 
@@ -357,7 +358,7 @@ TEST(Holes, ThatTouchAreClosedOneByOne) {
         const Topology t = topology(mesh);
         EXPECT_TRUE(t.sound) << what;
         EXPECT_EQ(t.euler, 1) << what;
-        EXPECT_EQ(t.rim_edges, 80) << what;
+        EXPECT_EQ(t.boundary_edges, 80) << what;
         EXPECT_NEAR(area(mesh), whole, 1e-6) << what;
     };
     check(grid([](int i, int j) {
@@ -421,7 +422,7 @@ TEST(Holes, OfThreeEdgesAreOneFace) {
     EXPECT_NEAR(area(mesh), area(whole), 1e-7);
 }
 
-TEST(Holes, ColoursAreThoseOfTheRim) {
+TEST(Holes, TakesColoursOfTheBoundary) {
     TriangleMesh mesh = wall_with_hole(0.15);
     for (const Vec3f p : mesh.vertices)
         mesh.colors.push_back({0.25f, p.x > 0 ? 0.75f : 0.5f, 0.5f + 0.25f * p.y});

@@ -75,7 +75,7 @@ TEST(Smooth, TakesNoiseOffABall) {
     EXPECT_LT(longest_way(kept, clean), 0.1 * kPixel) << "a clean ball does not shrink";
 }
 
-TEST(Smooth, LeavesRims) {
+TEST(Smooth, KeepsBoundaries) {
     TriangleMesh sheet = square({-0.5, -0.5, 0}, 1, 40);
     const auto off = noise(2);
     for (Vec3f& p : sheet.vertices) p.z = float(0.2 * kPixel * off());

@@ -208,8 +208,8 @@ TEST(Poisson, NoiseAndOutliers) {
     for (; outliers < 40; ++outliers)
         add(points, {random.next() + 1, 4 * random.next() - 2, 4 * random.next() - 2}, {0, 0, 1});
     const PoissonField field = solve_poisson(points, {}, {0.015f, 0});
-    EXPECT_GT(field.lonely, outliers / 2);
-    EXPECT_LE(field.lonely, outliers);
+    EXPECT_GT(field.isolated, outliers / 2);
+    EXPECT_LE(field.isolated, outliers);
     TriangleMesh mesh = poisson_surface(field, 0);
     const Topology t = topology_of(mesh);
     EXPECT_EQ(t.open + t.crowded + t.turned + t.pinched, 0u);

@@ -28,7 +28,7 @@ void expect_same_topology(const TriangleMesh& before, const TriangleMesh& after)
     EXPECT_EQ(is.twisted_edges, was.twisted_edges);
     EXPECT_EQ(is.repeated_faces, 0);
     EXPECT_EQ(is.pinched, was.pinched);
-    EXPECT_EQ(is.rim_edges > 0, was.rim_edges > 0);
+    EXPECT_EQ(is.boundary_edges > 0, was.boundary_edges > 0);
 }
 
 /// The largest distance of `points` to the nearest vertex.
@@ -172,7 +172,7 @@ TEST(SimplifyCollapse, NoSlivers) {
     }
 }
 
-TEST(Simplify, APlaneKeepsItsRim) {
+TEST(Simplify, APlaneKeepsItsBoundary) {
     const TriangleMesh before = square({-1, -1, 0}, 2, 64);
     TriangleMesh after = before;
     const SimplifyReport report = simplify(after, kAbove, {});
@@ -495,10 +495,10 @@ TEST(Simplify, SaysWhyNothingIsLeft) {
     flat.vertices = {{0, 0, 0}, {1, 0, 0}};
     flat.faces = {{0, 1, 1}, {0, 0, 1}};
     const std::vector<Camera> cameras{{64, 48, 100, 100, 32, 24, {}}};
-    EXPECT_EQ(simplify_and_say(flat, cameras, {}, spdlog::level::off),
+    EXPECT_EQ(simplify_and_log(flat, cameras, {}, spdlog::level::off),
               "none of its 2 faces has three corners apart");
     EXPECT_TRUE(flat.faces.empty());
-    EXPECT_EQ(simplify_and_say(none, cameras, {}, spdlog::level::off), "");
+    EXPECT_EQ(simplify_and_log(none, cameras, {}, spdlog::level::off), "");
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ Vec3d face_normal(const TriangleMesh& mesh, Vec3i f) {
 
 struct Topology {
     // Edges of one face; of more than two faces, or with a reversed face.
-    int rims = 0, shared_wrong = 0;
+    int boundary_edges = 0, shared_wrong = 0;
     long euler = 0;
 };
 Topology topology(const TriangleMesh& mesh) {
@@ -39,7 +39,7 @@ Topology topology(const TriangleMesh& mesh) {
         }
     Topology t;
     for (const auto& [edge, faces] : edges) {
-        t.rims += faces.first + faces.second == 1;
+        t.boundary_edges += faces.first + faces.second == 1;
         t.shared_wrong += faces.first > 1 || faces.second > 1;
     }
     t.euler = static_cast<long>(vertices.size()) - static_cast<long>(edges.size()) +
@@ -113,7 +113,7 @@ TEST(MarchingTetrahedra, AnyFieldGivesAClosedManifold) {
         marching_tetrahedra(tetrahedra, sides, positions, std::vector<float>(grid.size(), 1e5f));
     const Topology t = topology(halfway(surface, positions));
     EXPECT_GT(surface.faces.size(), 2000u);
-    EXPECT_EQ(t.rims, 0);
+    EXPECT_EQ(t.boundary_edges, 0);
     EXPECT_EQ(t.shared_wrong, 0);
     EXPECT_EQ(t.euler % 2, 0);
     std::set<std::pair<int, int>> edges;
@@ -211,7 +211,7 @@ ExtractedMesh extract(const Gaussians<Cpu>& gaussians,
 
 void expect_sphere(const TriangleMesh& mesh, double size, double bound) {
     const Topology t = topology(mesh);
-    EXPECT_EQ(t.rims, 0);
+    EXPECT_EQ(t.boundary_edges, 0);
     EXPECT_EQ(t.shared_wrong, 0);
     EXPECT_EQ(t.euler, 2);
     double sum = 0, farthest = 0;

@@ -29,7 +29,7 @@ ExtractedMesh close_surface(const ViewPoints& points,
     spdlog::log(level,
                 "{} points, {} alone, {} left out as views look through them; nodes {:.4g} apart "
                 "at the finest of {} levels, {:.1f} MiB",
-                oriented.size(), field.lonely, points.dropped(), field.finest().spacing,
+                oriented.size(), field.isolated, points.dropped(), field.finest().spacing,
                 field.levels.size(), static_cast<double>(field.bytes) / (1 << 20));
     found.mesh = poisson_surface(field, max_bytes);
     if (found.mesh.faces.empty()) {

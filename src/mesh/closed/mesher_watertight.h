@@ -48,7 +48,7 @@ public:
                         to_host(view.normal)});
             points.fit(max_bytes);
         }
-        in.depth.say_fates(in.level);
+        in.depth.log_pixel_counts(in.level);
         ExtractedMesh found;
         found.why_empty = in.depth.why_none_passed();
         if (!found.why_empty.empty()) return found;

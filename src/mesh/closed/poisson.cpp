@@ -43,8 +43,8 @@ std::vector<float> spacings_of(const PoissonBox& box, float finest) {
     double farthest = 0;
     for (int axis = 0; axis < 3; ++axis)
         farthest = std::max({farthest, std::abs(box.low[axis]), std::abs(box.high[axis])});
-    constexpr double kMostNodes = (kBlockReach - 8.0) * kBlockEdge;  // on each side of the origin
-    if (!(finest > 0 && farthest < kMostNodes * static_cast<double>(finest)))
+    constexpr double kMaxNodes = (kBlockReach - 8.0) * kBlockEdge;  // on each side of the origin
+    if (!(finest > 0 && farthest < kMaxNodes * static_cast<double>(finest)))
         throw Error(ExitCode::input,
                     str("points up to ", farthest, " from the origin are too far out for nodes ",
                         finest, " apart; raise --voxel-size, or lower --depth-max"));
@@ -98,7 +98,7 @@ PoissonField solve_poisson(const OrientedPoints& points,
     std::vector<float> spacings = spacings_of(box, options.spacing);
     const Densities densities = measure_densities(points, spacings);
     PoissonField field;
-    field.lonely = densities.lonely;
+    field.isolated = densities.isolated;
     std::vector<Keys> keys;
     for (;; spacings.pop_back()) {
         if (spacings.empty())

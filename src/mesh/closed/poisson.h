@@ -28,8 +28,8 @@ struct PoissonOptions {
 struct PoissonField {
     // The coarsest first, each with half the spacing of the level before.
     std::vector<PoissonLevel> levels;
-    std::size_t lonely = 0;  // isolated points that were left out
-    std::int64_t bytes = 0;  // memory used
+    std::size_t isolated = 0;  // isolated points that were left out
+    std::int64_t bytes = 0;    // memory used
 
     const PoissonLevel& finest() const { return levels.back(); }
 };

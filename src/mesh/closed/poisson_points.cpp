@@ -10,8 +10,8 @@ namespace {
 
 // Sum of the hats at a point of a plane of density 1; 2/3 for an axis-aligned plane.
 constexpr float kPlaneShare = 0.68f;
-constexpr float kLeastDensity = 1;   // sum of the hats at a point that has neighbours
-constexpr int kMostLevelsAbove = 3;  // below the median level
+constexpr float kMinDensity = 1;    // sum of the hats at a point that has neighbours
+constexpr int kMaxLevelsAbove = 3;  // below the median level
 
 }  // namespace
 
@@ -66,7 +66,7 @@ Densities measure_densities(const OrientedPoints& points, const std::vector<floa
             density[at] = sum;
         });
         for (std::size_t i = 0; i < points.size(); ++i) {
-            if (found.levels[i] >= 0 || (!(density[i] >= kLeastDensity) && l > 0)) continue;
+            if (found.levels[i] >= 0 || (!(density[i] >= kMinDensity) && l > 0)) continue;
             found.levels[i] = l, --left;
             found.areas[i] = spacing * spacing * kPlaneShare / density[i];
         }
@@ -75,7 +75,7 @@ Densities measure_densities(const OrientedPoints& points, const std::vector<floa
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
     for (int& level : found.levels)
-        if (level < *middle - kMostLevelsAbove) level = -1, ++found.lonely;
+        if (level < *middle - kMaxLevelsAbove) level = -1, ++found.isolated;
     return found;
 }
 

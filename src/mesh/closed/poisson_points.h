@@ -106,7 +106,7 @@ std::vector<std::uint64_t> blocks_near(const OrientedPoints& points,
 struct Densities {
     std::vector<float> areas;  // surface area that the point represents, world units squared
     std::vector<int> levels;   // finest level that uses the point; -1: left out
-    std::size_t lonely = 0;    // number of points left out
+    std::size_t isolated = 0;  // number of points left out
 };
 
 /// Assigns each point to the finest level on which it has neighbours. Leaves a point out if that

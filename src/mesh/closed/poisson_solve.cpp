@@ -16,7 +16,7 @@ constexpr float kFreeWeight = 4;
 constexpr float kFixedWeight = 1e4f;  // weight of a node outside of the box
 constexpr float kFreeLimitPx = 3;     // distance in front of a depth, as for evidence
 constexpr float kTolerance = 2e-4f;   // a sweep has converged if no value changes by more
-constexpr int kMostSweeps = 200;
+constexpr int kMaxSweeps = 200;
 
 std::size_t first_node(int block) {
     return static_cast<std::size_t>(block) * kBlockVoxels;
@@ -31,13 +31,13 @@ Vec3i along(int axis, int step) {
 }
 
 /// Numbers of views, up to 255. Exists only before the levels have values, which need more memory.
-struct Looks {
+struct ViewCounts {
     std::uint8_t see, through;
 };
 
 /// Judges a node in one view, like a sample of mesh_evidence.h, with a distance limit that is
 /// larger by one spacing.
-void add_look(const EvidenceView& view, Vec3f node, float spacing, Looks& looks) {
+void count_view(const EvidenceView& view, Vec3f node, float spacing, ViewCounts& counts) {
     const Camera& camera = view.camera;
     if (!is_in_view(camera, node)) return;
     const Vec3f p = camera.camera_from_world * node;
@@ -48,9 +48,9 @@ void add_look(const EvidenceView& view, Vec3f node, float spacing, Looks& looks)
     const float limit = kFreeLimitPx * p.z / camera.fx_px + spacing;
     if (!(depth > 0) || !(p.z <= depth + limit)) return;
     if (!(p.z < depth - limit))
-        looks.see = static_cast<std::uint8_t>(std::min(looks.see + 1, 255));
+        counts.see = static_cast<std::uint8_t>(std::min(counts.see + 1, 255));
     else if (view.weight[pixel] >= kTrustedWeight)
-        looks.through = static_cast<std::uint8_t>(std::min(looks.through + 1, 255));
+        counts.through = static_cast<std::uint8_t>(std::min(counts.through + 1, 255));
 }
 
 /// Calls action(node beside the block, the same node in the neighbouring block's coordinates) for
@@ -68,16 +68,16 @@ void for_side(int axis, int side, const Action& action) {
 }
 
 /// Boundary value beside a block whose neighbour does not exist on this level.
-struct Rim {
+struct BoundaryValue {
     std::uint16_t place;  // index in the halo
     float value;
 };
 
 /// Interpolates the values from coarser levels; returns the boundary values of each block.
-std::vector<std::vector<Rim>> take_over(std::vector<PoissonLevel>& levels, int l) {
+std::vector<std::vector<BoundaryValue>> take_over(std::vector<PoissonLevel>& levels, int l) {
     PoissonLevel& level = levels[l];
     level.values.resize(level.keys.size() * kBlockVoxels);
-    std::vector<std::vector<Rim>> rims(level.keys.size());
+    std::vector<std::vector<BoundaryValue>> boundaries(level.keys.size());
     parallel_for_heavy(Cpu{}, level.size(), [&](int b) {
         LevelReader reader(levels, l - 1);
         const auto above = [&](Vec3i node) {
@@ -89,24 +89,24 @@ std::vector<std::vector<Rim>> take_over(std::vector<PoissonLevel>& levels, int l
             for (const int side : {-1, 1})
                 if (level.neighbour(b, along(axis, side)) < 0)
                     for_side(axis, side, [&](Vec3i node, Vec3i) {
-                        rims[b].push_back(
+                        boundaries[b].push_back(
                             {static_cast<std::uint16_t>(halo_index(node)), above(node)});
                     });
     });
-    return rims;
+    return boundaries;
 }
 
 /// Two Gauss-Seidel sweeps over a block, forward and backward; returns the largest change.
 float relax_block(PoissonLevel& level,
                   int b,
-                  const std::vector<Rim>& rim,
+                  const std::vector<BoundaryValue>& boundary,
                   const PoissonEquations& equations) {
     std::array<float, kHaloNodes> x;
     float* const values = &level.values[first_node(b)];
     const float *const rhs = &equations.rhs[first_node(b)], *const diag =
                                                                 &equations.diag[first_node(b)];
     for (int i = 0; i < kBlockVoxels; ++i) x[halo_index(local_of_index(i))] = values[i];
-    for (const Rim& beside : rim) x[beside.place] = beside.value;
+    for (const BoundaryValue& beside : boundary) x[beside.place] = beside.value;
     for (int axis = 0; axis < 3; ++axis)
         for (const int side : {-1, 1})
             if (const int beside = level.neighbour(b, along(axis, side)); beside >= 0)
@@ -131,24 +131,25 @@ float relax_block(PoissonLevel& level,
 }  // namespace
 
 FreeNodes find_free_nodes(const std::vector<PoissonLevel>& levels, const EvidenceSource& evidence) {
-    std::vector<std::vector<Looks>> looks;
-    for (const PoissonLevel& level : levels) looks.emplace_back(level.keys.size() * kBlockVoxels);
+    std::vector<std::vector<ViewCounts>> counts;
+    for (const PoissonLevel& level : levels) counts.emplace_back(level.keys.size() * kBlockVoxels);
     for (int v = 0; v < evidence.count; ++v) {
         const EvidenceView view = evidence.view(v);
         for (std::size_t l = 0; l < levels.size(); ++l)
             parallel_for_heavy(Cpu{}, levels[l].size(), [&](int b) {
                 const Vec3i origin = origin_of(levels[l], b);
                 for (int i = 0; i < kBlockVoxels; ++i)
-                    add_look(view, vec_cast<float>(levels[l].position(origin + local_of_index(i))),
-                             levels[l].spacing, looks[l][first_node(b) + i]);
+                    count_view(view,
+                               vec_cast<float>(levels[l].position(origin + local_of_index(i))),
+                               levels[l].spacing, counts[l][first_node(b) + i]);
             });
     }
     FreeNodes free(levels.size());
     for (std::size_t l = 0; l < levels.size(); ++l) {
-        free[l].reserve(looks[l].size());
-        for (const Looks look : looks[l])
+        free[l].reserve(counts[l].size());
+        for (const ViewCounts look : counts[l])
             free[l].push_back(look.through > 0 && 2 * look.through >= look.see);
-        looks[l] = {};
+        counts[l] = {};
     }
     return free;
 }
@@ -196,7 +197,7 @@ PoissonEquations make_equations(const OrientedPoints& points,
 }
 
 void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquations& equations) {
-    const std::vector<std::vector<Rim>> rims = take_over(levels, l);
+    const std::vector<std::vector<BoundaryValue>> boundaries = take_over(levels, l);
     PoissonLevel& level = levels[l];
     std::vector<int> colors[2];  // blocks of one colour do not touch
     for (int b = 0; b < level.size(); ++b) {
@@ -213,11 +214,11 @@ void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquation
                     any |= changes[beside] >= kTolerance;
         return any;
     };
-    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+    for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
         for (const std::vector<int>& color : colors)
             parallel_for_heavy(Cpu{}, static_cast<int>(color.size()), [&](int k) {
                 const int b = color[k];
-                changes[b] = moves(b) ? relax_block(level, b, rims[b], equations) : 0;
+                changes[b] = moves(b) ? relax_block(level, b, boundaries[b], equations) : 0;
             });
         if (*std::max_element(changes.begin(), changes.end()) < kTolerance) break;
     }

@@ -10,7 +10,7 @@ namespace tvsgs {
 namespace {
 
 // Least magnitude at a node, so that no vertex coincides with it.
-constexpr float kLeastValue = 1e-4f;
+constexpr float kMinValue = 1e-4f;
 
 /// A block and the layer around it: all nodes of the cells that have a node in the block.
 struct Around {
@@ -100,7 +100,7 @@ VoxelBlocks<Cpu> voxels_of(const PoissonField& field, const std::vector<std::uin
         for (int i = 0; i < kBlockVoxels; ++i) {
             const float value = reader.at(origin + local_of_index(i), kOutsideValue);
             voxel_at(chunks, b, i) = {
-                value > 0 ? std::min(-value, -kLeastValue) : std::max(-value, kLeastValue), 1, {}};
+                value > 0 ? std::min(-value, -kMinValue) : std::max(-value, kMinValue), 1, {}};
         }
     });
     return blocks;
@@ -109,11 +109,11 @@ VoxelBlocks<Cpu> voxels_of(const PoissonField& field, const std::vector<std::uin
 }  // namespace
 
 TriangleMesh poisson_surface(const PoissonField& field, std::int64_t max_bytes) {
-    constexpr std::int64_t kMostBlocks = 1'000'000;  // limit of the numbering of edges
+    constexpr std::int64_t kMaxBlocks = 1'000'000;  // limit of the numbering of edges
     const std::int64_t room = max_bytes / VoxelBlocks<Cpu>::kWorkingBytesPerBlock;
     const std::vector<std::uint64_t> keys = crossed_blocks(field);
     PartPlanner planner(
-        keys, static_cast<std::size_t>(max_bytes > 0 ? std::min(room, kMostBlocks) : kMostBlocks));
+        keys, static_cast<std::size_t>(max_bytes > 0 ? std::min(room, kMaxBlocks) : kMaxBlocks));
     MeshJoiner joiner(keys);
     for (BlockPart part; planner.next(part);)
         joiner.add(part,

@@ -17,7 +17,7 @@ constexpr int kCellBits = 20;  // of each coordinate
 constexpr std::int64_t kBytesOfPoint = 250;
 
 // However large the cells, the 8 cells around the origin and their 8 octants stay separate.
-constexpr std::int64_t kLeastPoints = 8 * 8;
+constexpr std::int64_t kMinPoints = 8 * 8;
 
 }  // namespace
 
@@ -77,9 +77,9 @@ void ViewPoints::add(const PointView& view) {
 
 void ViewPoints::fit(std::int64_t max_bytes) {
     while (2 * kBytesOfPoint * static_cast<std::int64_t>(points_.size()) > max_bytes) {
-        if (std::int64_t(points_.size()) <= kLeastPoints)
+        if (std::int64_t(points_.size()) <= kMinPoints)
             throw Error(ExitCode::memory,
-                        str("a closed surface takes ", 2 * kBytesOfPoint * kLeastPoints,
+                        str("a closed surface takes ", 2 * kBytesOfPoint * kMinPoints,
                             " bytes at least for its points, and ", max_bytes,
                             " are there; raise --memory"));
         cell_ *= 2;

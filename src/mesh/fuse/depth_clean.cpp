@@ -10,34 +10,34 @@ DepthCounts clean_depth(const RenderedImages<Cpu>& rendered,
     return clean_depth_on(rendered, camera, mask, rules, clean);
 }
 
-DepthCounts count_fates(const std::vector<std::uint8_t>& fates) {
+DepthCounts count_outcomes(const std::vector<std::uint8_t>& outcomes) {
     DepthCounts counts;
-    for (const std::uint8_t fate : fates) switch (static_cast<DepthFate>(fate)) {
-            case DepthFate::kept:
+    for (const std::uint8_t outcome : outcomes) switch (static_cast<DepthOutcome>(outcome)) {
+            case DepthOutcome::kept:
                 ++counts.kept;
                 break;
-            case DepthFate::not_finite:
+            case DepthOutcome::not_finite:
                 ++counts.not_finite;
                 break;
-            case DepthFate::no_surface:
+            case DepthOutcome::no_surface:
                 ++counts.no_surface;
                 break;
-            case DepthFate::too_far:
+            case DepthOutcome::too_far:
                 ++counts.too_far;
                 break;
-            case DepthFate::transparent:
+            case DepthOutcome::transparent:
                 ++counts.transparent;
                 break;
-            case DepthFate::masked:
+            case DepthOutcome::masked:
                 ++counts.masked;
                 break;
-            case DepthFate::grazing:
+            case DepthOutcome::grazing:
                 ++counts.grazing;
                 break;
-            case DepthFate::outside:
+            case DepthOutcome::outside:
                 ++counts.outside;
                 break;
-            case DepthFate::out_of_reach:
+            case DepthOutcome::out_of_reach:
                 ++counts.out_of_reach;
                 break;
         }

@@ -43,9 +43,9 @@ DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b);
 /// The depth map of a view, ready for fusion.
 template <class Device>
 struct CleanDepth {
-    Buffer<float, Device> depth;         // [H W] 0: dropped
-    Buffer<float, Device> weight;        // [H W]; empty: 1
-    Buffer<std::uint8_t, Device> fates;  // [H W] the rule that dropped the pixel
+    Buffer<float, Device> depth;            // [H W] 0: dropped
+    Buffer<float, Device> weight;           // [H W]; empty: 1
+    Buffer<std::uint8_t, Device> outcomes;  // [H W] the rule that dropped the pixel
 };
 
 /// Applies the rules to a rendered depth map; `clean` is resized and overwritten. `mask` ([H W],
@@ -61,7 +61,7 @@ DepthCounts clean_depth(const RenderedImages<Cuda>& rendered,
                         const DepthRules& rules,
                         CleanDepth<Cuda>& clean);
 
-/// Counts the entries of CleanDepth::fates.
-DepthCounts count_fates(const std::vector<std::uint8_t>& fates);
+/// Counts the entries of CleanDepth::outcomes.
+DepthCounts count_outcomes(const std::vector<std::uint8_t>& outcomes);
 
 }  // namespace tvsgs

@@ -7,7 +7,7 @@
 
 namespace tvsgs {
 
-enum class DepthFate : std::uint8_t {
+enum class DepthOutcome : std::uint8_t {
     kept,
     not_finite,
     no_surface,
@@ -26,32 +26,32 @@ struct CleanDepthBody {
     Span<const Vec3f> normals;
     Span<const std::uint8_t> mask;
     Span<float> depth, weight;  // weight may be empty
-    Span<std::uint8_t> fates;
+    Span<std::uint8_t> outcomes;
 
-    TVSGS_HD DepthFate fate(int i) const {
+    TVSGS_HD DepthOutcome outcome(int i) const {
         const float d = rendered_depth[i];
-        if (!(d - d == 0)) return DepthFate::not_finite;
-        if (!(d > 0)) return DepthFate::no_surface;
-        if (!(d < rules.depth_max)) return DepthFate::too_far;
+        if (!(d - d == 0)) return DepthOutcome::not_finite;
+        if (!(d > 0)) return DepthOutcome::no_surface;
+        if (!(d < rules.depth_max)) return DepthOutcome::too_far;
         if (rules.alpha_min > 0 && !(1 - transmittance[i] >= rules.alpha_min))
-            return DepthFate::transparent;
-        if (!mask.empty() && mask[i] < kObjectMask) return DepthFate::masked;
+            return DepthOutcome::transparent;
+        if (!mask.empty() && mask[i] < kObjectMask) return DepthOutcome::masked;
         if (rules.min_cosine > 0) {
             const Vec3f ray = pixel_ray(camera, i % camera.width_px, i / camera.width_px);
             const Vec3f n = normals[i];
             if (!(-dot(ray, n) >= rules.min_cosine * norm(ray) * norm(n)) || !(norm(n) > 0))
-                return DepthFate::grazing;
+                return DepthOutcome::grazing;
         }
         const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
-        if (!rules.in_box(p)) return DepthFate::outside;
+        if (!rules.in_box(p)) return DepthOutcome::outside;
         if (rules.reach > 0 && !(norm(p - rules.centre) < rules.reach))
-            return DepthFate::out_of_reach;
-        return DepthFate::kept;
+            return DepthOutcome::out_of_reach;
+        return DepthOutcome::kept;
     }
     TVSGS_HD void operator()(int i) const {
-        const DepthFate result = fate(i);
-        fates[i] = static_cast<std::uint8_t>(result);
-        float kept = result == DepthFate::kept ? rendered_depth[i] : 0;
+        const DepthOutcome result = outcome(i);
+        outcomes[i] = static_cast<std::uint8_t>(result);
+        float kept = result == DepthOutcome::kept ? rendered_depth[i] : 0;
         if (rules.depth_step > 0) kept = std::floor(kept / rules.depth_step) * rules.depth_step;
         depth[i] = kept;
         if (!weight.empty())
@@ -68,19 +68,19 @@ DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
                            const DepthRules& rules,
                            CleanDepth<Device>& clean) {
     const std::size_t pixels = rendered.depth.size();
-    clean.depth.resize(pixels), clean.fates.resize(pixels);
+    clean.depth.resize(pixels), clean.outcomes.resize(pixels);
     const bool weighted = rules.weighting != DepthWeighting::unit || rules.trust;
     clean.weight.resize(weighted ? pixels : 0);
     parallel_for(Device{}, static_cast<int>(pixels),
                  CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
                                 rendered.normal.span(), mask, clean.depth.span(),
-                                clean.weight.span(), clean.fates.span()});
+                                clean.weight.span(), clean.outcomes.span()});
     if (rules.trust)
         parallel_for(
             Device{}, static_cast<int>(pixels),
             PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
                            rendered.normal.span(), clean.weight.span(), rules.jump_px});
-    return count_fates(to_host(clean.fates));
+    return count_outcomes(to_host(clean.outcomes));
 }
 
 }  // namespace tvsgs

@@ -24,9 +24,9 @@ std::string limit_text(const DepthRules& rules) {
 
 namespace detail {
 
-void say_fates(const DepthCounts& counts,
-               const DepthRules& rules,
-               spdlog::level::level_enum level) {
+void log_pixel_counts(const DepthCounts& counts,
+                      const DepthRules& rules,
+                      spdlog::level::level_enum level) {
     const auto line = [&](const char* what, std::int64_t count) {
         if (count > 0) spdlog::log(level, "  {:>12} pixels dropped: {}", count, what);
     };

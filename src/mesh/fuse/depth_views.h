@@ -21,7 +21,9 @@ std::string limit_text(const DepthRules& rules);
 
 namespace detail {
 
-void say_fates(const DepthCounts& counts, const DepthRules& rules, spdlog::level::level_enum level);
+void log_pixel_counts(const DepthCounts& counts,
+                      const DepthRules& rules,
+                      spdlog::level::level_enum level);
 std::string why_none_passed(const DepthCounts& counts,
                             const DepthRules& rules,
                             double median_depth);
@@ -82,8 +84,8 @@ public:
     const DepthCounts& counts(int i) const { return counts_[static_cast<std::size_t>(i)]; }
 
     /// Logs at `level` why pixels were dropped.
-    void say_fates(spdlog::level::level_enum level) const {
-        detail::say_fates(total(), rules_, level);
+    void log_pixel_counts(spdlog::level::level_enum level) const {
+        detail::log_pixel_counts(total(), rules_, level);
     }
 
     /// Why no pixel passed the rules; empty if one did.

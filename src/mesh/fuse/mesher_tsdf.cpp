@@ -76,7 +76,7 @@ void check_truncation(const Camera& camera, std::vector<float> depths, const Tsd
                                      pixel, ", or a --truncation of at least ", pixel));
 }
 
-void say_volume(const FusionReport& fusion, spdlog::level::level_enum level) {
+void log_volume(const FusionReport& fusion, spdlog::level::level_enum level) {
     spdlog::log(level, "{} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
                 static_cast<double>(fusion.bytes) / (1 << 20));
     if (fusion.parts > 1)

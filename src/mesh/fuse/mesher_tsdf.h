@@ -64,7 +64,7 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         DepthRules& rules);
 /// Throws Error(ExitCode::usage) if the surface of a view would have gaps.
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume);
-void say_volume(const FusionReport& fusion, spdlog::level::level_enum level);
+void log_volume(const FusionReport& fusion, spdlog::level::level_enum level);
 
 }  // namespace detail
 
@@ -98,8 +98,8 @@ public:
         found.mesh = fuse_views<Device>(in.depth.size(), source, volume,
                                         counted ? static_cast<float>(options_.min_weight) : 0,
                                         in.spill_folder, fusion);
-        in.depth.say_fates(in.level);
-        detail::say_volume(fusion, in.level);
+        in.depth.log_pixel_counts(in.level);
+        detail::log_volume(fusion, in.level);
         found.why_empty = in.depth.why_none_passed();
         if (found.why_empty.empty() && found.mesh.faces.empty())
             found.why_empty =

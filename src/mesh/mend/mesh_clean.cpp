@@ -145,9 +145,8 @@ struct ComponentPixels {
     std::int64_t seen = 0, surely = 0, through = 0;
 
     static std::int64_t fixed(float pixels) {
-        constexpr float kMost = 1e6f;
-        return static_cast<std::int64_t>(1e6 *
-                                         static_cast<double>(pixels < kMost ? pixels : kMost));
+        constexpr float kMax = 1e6f;
+        return static_cast<std::int64_t>(1e6 * static_cast<double>(pixels < kMax ? pixels : kMax));
     }
     void add(const Judgement& j) {
         const std::int64_t px = fixed(j.pixels);
@@ -225,12 +224,12 @@ std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
 }
 
 /// Keeps all faces but unseen ones that are connected to a boundary edge through unseen faces.
-std::vector<char> without_unseen_rims(const TriangleMesh& mesh,
-                                      const Corners& corners,
-                                      const std::vector<char>& seen) {
+std::vector<char> without_unseen_boundaries(const TriangleMesh& mesh,
+                                            const Corners& corners,
+                                            const std::vector<char>& seen) {
     DisjointSets sets =
         united_faces(mesh, corners, [&](std::uint32_t face) { return !seen[face]; });
-    const auto is_rim = [&](int v, int w) {
+    const auto is_boundary = [&](int v, int w) {
         int count = 0;
         corners.for_each(v, [&](std::uint32_t f, int k) {
             count += mesh.faces[f][(k + 1) % 3] == w || mesh.faces[f][(k + 2) % 3] == w;
@@ -242,8 +241,8 @@ std::vector<char> without_unseen_rims(const TriangleMesh& mesh,
     parallel_for(Cpu{}, faces, [&](int i) {
         const auto f = static_cast<std::size_t>(i);
         if (const Vec3i face = mesh.faces[f];
-            !seen[f] &&
-            (is_rim(face.x, face.y) || is_rim(face.y, face.z) || is_rim(face.z, face.x)))
+            !seen[f] && (is_boundary(face.x, face.y) || is_boundary(face.y, face.z) ||
+                         is_boundary(face.z, face.x)))
             mark(open[static_cast<std::size_t>(sets.find(i))]);
     });
     parallel_for(Cpu{}, faces, [&](int i) {
@@ -270,7 +269,7 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
     std::vector<int> component;
     {
         const Corners corners(mesh);
-        keep = without_unseen_rims(mesh, corners, seen_faces(samples, source));
+        keep = without_unseen_boundaries(mesh, corners, seen_faces(samples, source));
         DisjointSets sets =
             united_faces(mesh, corners, [&](std::uint32_t face) { return keep[face]; });
         report.components = number_components(sets, keep, component);
@@ -282,7 +281,7 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
     for (const ComponentEvidence& e : evidence) {
         report.kept_components += e.stays();
         report.looked_through += e.looked_through();
-        report.lonely += !e.stays() && !e.looked_through() && e.see == 1;
+        report.single_view += !e.stays() && !e.looked_through() && e.see == 1;
     }
     parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int i) {
         const auto f = static_cast<std::size_t>(i);

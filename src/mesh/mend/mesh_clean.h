@@ -22,7 +22,7 @@ struct EvidenceReport {
     // Removed components; all others were too small in every view.
     std::size_t looked_through = 0;  // a view looks through them
     // A single view sees them, without trusted pixels or while other views could.
-    std::size_t lonely = 0;
+    std::size_t single_view = 0;
     std::size_t peeled_faces = 0, removed_faces = 0;
 };
 

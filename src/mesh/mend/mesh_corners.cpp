@@ -83,7 +83,7 @@ SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners) {
         corners.for_each(v, [&](std::uint32_t f, int k) {
             const std::ptrdiff_t out = ring.count(mesh.faces[f][(k + 1) % 3]),
                                  in = ring.count(mesh.faces[f][(k + 2) % 3]);
-            if (out == 1) edges.rim[3 * f + std::size_t(k)] = 1;
+            if (out == 1) edges.boundary[3 * f + std::size_t(k)] = 1;
             if (out > 2 || in > 2) edges.fixed[std::size_t(v)] = 1;
         });
     });

@@ -36,7 +36,7 @@ private:
 /// Boundary and non-manifold edges of a mesh.
 struct SurfaceEdges {
     // [3 per face] whether the edge that starts at the corner has only one face.
-    std::vector<char> rim;
+    std::vector<char> boundary;
     std::vector<char> fixed;  // [vertices] whether an edge at the vertex has more than two faces
 };
 

@@ -35,12 +35,12 @@ inline std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
 }
 
 /// Calls on_boundary(edge) for each edge with a single face.
-template <class OnRim>
-void for_each_rim_edge(const std::vector<FaceEdge>& edges, const OnRim& on_rim) {
+template <class OnBoundary>
+void for_each_boundary_edge(const std::vector<FaceEdge>& edges, const OnBoundary& on_boundary) {
     for (std::size_t i = 0; i < edges.size(); ++i)
         if ((i == 0 || edges[i - 1].key != edges[i].key) &&
             (i + 1 == edges.size() || edges[i + 1].key != edges[i].key))
-            on_rim(edges[i]);
+            on_boundary(edges[i]);
 }
 
 }  // namespace tvsgs

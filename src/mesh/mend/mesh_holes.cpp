@@ -9,15 +9,15 @@
 #include "core/device/parallel.h"
 #include "mesh/fuse/pixel_length.h"
 #include "mesh/mend/mesh_loops.h"
+#include "mesh/mend/mesh_manifold.h"
 #include "mesh/mend/mesh_patch.h"
-#include "mesh/mend/mesh_sound.h"
 
 namespace tvsgs {
 namespace {
 
 // The filling of a hole continues the surface around it; a filling of a component's outer boundary
 // would fold back behind it. Least mean cosine between the two.
-constexpr double kLeastCosine = 0.5;
+constexpr double kMinCosine = 0.5;
 constexpr double kSamplesPerPixel = 2;  // along each axis, so that no pixel is missed
 
 /// A hole and its filling.
@@ -31,13 +31,13 @@ struct Filling {
 /// A mesh and its boundary, addressed by places.
 struct Surface {
     const TriangleMesh& mesh;
-    const Rims& rims;
+    const MeshBoundary& boundary;
     std::map<int, std::vector<std::size_t>> loops_at;  // of places with several loops, ascending
 
-    Surface(const TriangleMesh& of, const Rims& its) : mesh(of), rims(its) {
-        for (std::size_t l = 0; l < rims.loops.size(); ++l)
-            for (const int place : rims.loops[l])
-                if (rims.rim_edges[std::size_t(place)] > 2) loops_at[place].push_back(l);
+    Surface(const TriangleMesh& of, const MeshBoundary& its) : mesh(of), boundary(its) {
+        for (std::size_t l = 0; l < boundary.loops.size(); ++l)
+            for (const int place : boundary.loops[l])
+                if (boundary.edge_counts[std::size_t(place)] > 2) loops_at[place].push_back(l);
     }
     /// Whether two or more loops pass through both places.
     bool share_loops(int a, int b) const {
@@ -48,7 +48,7 @@ struct Surface {
                               of_b->second.end(), std::back_inserter(both));
         return both.size() > 1;
     }
-    int vertex(int place) const { return rims.vertices[std::size_t(place)]; }
+    int vertex(int place) const { return boundary.vertices[std::size_t(place)]; }
     Vec3d point(int vertex) const { return vec_cast<double>(mesh.vertices[std::size_t(vertex)]); }
 };
 
@@ -57,7 +57,7 @@ float pixel_of_small(const Surface& s,
                      const std::vector<int>& loop,
                      const std::vector<Camera>& cameras,
                      float largest_px) {
-    if (loop.size() > kMostHoleEdges) return 0;
+    if (loop.size() > kMaxHoleEdges) return 0;
     float pixel = 0;
     for (const int place : loop) {
         const float length = pixel_length(cameras, s.mesh.vertices[std::size_t(s.vertex(place))]);
@@ -76,31 +76,32 @@ bool is_hole(const Surface& s, const std::vector<int>& loop) {
     for (std::size_t i = 0; i < loop.size(); ++i) {
         const int next = loop[(i + 1) % loop.size()];
         across += cross(s.point(s.vertex(loop[i])) - origin, s.point(s.vertex(next)) - origin);
-        around += s.rims.normals[std::size_t(loop[i])];
+        around += s.boundary.normals[std::size_t(loop[i])];
     }
-    return dot(across, around) >= kLeastCosine * norm(across) * static_cast<double>(loop.size());
+    return dot(across, around) >= kMinCosine * norm(across) * static_cast<double>(loop.size());
 }
 
-HoleRim rim_of(const Surface& s, const std::vector<int>& loop) {
-    HoleRim rim;
+HoleBoundary boundary_of(const Surface& s, const std::vector<int>& loop) {
+    HoleBoundary boundary;
     std::vector<int> vertices;
     for (const int place : loop) vertices.push_back(s.vertex(place));
     std::vector<int> sorted = vertices;
     std::sort(sorted.begin(), sorted.end());
     for (const int v : vertices) {
-        rim.points.push_back(s.point(v));
-        rim.around.emplace_back();
-        for (auto at = std::lower_bound(s.rims.edges.begin(), s.rims.edges.end(), std::pair{v, -1});
-             at != s.rims.edges.end() && at->first == v; ++at)
+        boundary.points.push_back(s.point(v));
+        boundary.around.emplace_back();
+        for (auto at = std::lower_bound(s.boundary.edges.begin(), s.boundary.edges.end(),
+                                        std::pair{v, -1});
+             at != s.boundary.edges.end() && at->first == v; ++at)
             if (!std::binary_search(sorted.begin(), sorted.end(), at->second))
-                rim.around.back().push_back(s.point(at->second));
+                boundary.around.back().push_back(s.point(at->second));
     }
-    rim.may_be_joined = [&s, &loop, vertices](int a, int b) {
+    boundary.may_be_joined = [&s, &loop, vertices](int a, int b) {
         const auto i = std::size_t(a), j = std::size_t(b);
         // Otherwise another hole could use the same edge.
-        return !s.rims.has_edge(vertices[i], vertices[j]) && !s.share_loops(loop[i], loop[j]);
+        return !s.boundary.has_edge(vertices[i], vertices[j]) && !s.share_loops(loop[i], loop[j]);
     };
-    return rim;
+    return boundary;
 }
 
 /// Whether all faces have an area and no edge is longer than `longest`, which bounds the number of
@@ -153,10 +154,10 @@ void find_contradictions(std::vector<Filling>& fillings, const EvidenceSource& e
 
 void append(const Patch& patch,
             const std::vector<int>& loop,
-            const Rims& rims,
+            const MeshBoundary& boundary,
             TriangleMesh& mesh) {
     std::vector<int> vertices;
-    for (const int place : loop) vertices.push_back(rims.vertices[std::size_t(place)]);
+    for (const int place : loop) vertices.push_back(boundary.vertices[std::size_t(place)]);
     for (std::size_t i = loop.size(); i < patch.points.size(); ++i) {
         vertices.push_back(static_cast<int>(mesh.vertices.size()));
         mesh.vertices.push_back(vec_cast<float>(patch.points[i]));
@@ -181,21 +182,21 @@ HoleReport close_holes(TriangleMesh& mesh,
                        float largest_px) {
     HoleReport report;
     if (!(largest_px > 0)) return report;
-    const Rims rims = find_rims(mesh, edges);
-    const Surface surface(mesh, rims);
-    report.loops = rims.loops.size();
-    std::vector<float> pixels(rims.loops.size());
+    const MeshBoundary boundary = find_boundary(mesh, edges);
+    const Surface surface(mesh, boundary);
+    report.loops = boundary.loops.size();
+    std::vector<float> pixels(boundary.loops.size());
     parallel_for(Cpu{}, static_cast<int>(pixels.size()), [&](int i) {
         const auto l = static_cast<std::size_t>(i);
-        pixels[l] = pixel_of_small(surface, rims.loops[l], cameras, largest_px);
+        pixels[l] = pixel_of_small(surface, boundary.loops[l], cameras, largest_px);
     });
     std::vector<Filling> fillings;
     for (std::size_t l = 0; l < pixels.size(); ++l)
         if (pixels[l] > 0) fillings.push_back({l, pixels[l], {}});
     parallel_for_heavy(Cpu{}, static_cast<int>(fillings.size()), [&](int i) {
         Filling& filling = fillings[std::size_t(i)];
-        const std::vector<int>& loop = rims.loops[filling.loop];
-        if (is_hole(surface, loop)) filling.patch = make_patch(rim_of(surface, loop));
+        const std::vector<int>& loop = boundary.loops[filling.loop];
+        if (is_hole(surface, loop)) filling.patch = make_patch(boundary_of(surface, loop));
     });
     std::erase_if(fillings, [&](const Filling& filling) {
         const bool unfit = !is_proper(
@@ -210,7 +211,7 @@ HoleReport close_holes(TriangleMesh& mesh,
             continue;
         }
         ++report.closed, report.faces += filling.patch.faces.size();
-        append(filling.patch, rims.loops[filling.loop], rims, mesh);
+        append(filling.patch, boundary.loops[filling.loop], boundary, mesh);
     }
     return report;
 }

@@ -20,12 +20,12 @@ struct HoleEdge {
 /// Traces the loops; hole edges are ascending.
 class LoopFinder {
 public:
-    LoopFinder(const TriangleMesh& mesh, Rims& rims, const std::vector<HoleEdge>& edges)
+    LoopFinder(const TriangleMesh& mesh, MeshBoundary& boundary, const std::vector<HoleEdge>& edges)
         : mesh_(mesh),
-          rims_(rims),
+          boundary_(boundary),
           edges_(edges),
           used_(edges.size()),
-          step_(rims.vertices.size(), -1) {}
+          step_(boundary.vertices.size(), -1) {}
 
     void find() {
         for (std::size_t i = 0; i < edges_.size(); ++i)
@@ -34,7 +34,8 @@ public:
 
 private:
     Vec3d point(int place) const {
-        return vec_cast<double>(mesh_.vertices[std::size_t(rims_.vertices[std::size_t(place)])]);
+        return vec_cast<double>(
+            mesh_.vertices[std::size_t(boundary_.vertices[std::size_t(place)])]);
     }
 
     void follow(std::size_t edge) {
@@ -45,8 +46,8 @@ private:
             step_[std::size_t(from)] = static_cast<int>(path_.size());
             path_.push_back(from);
             if (const int first = step_[std::size_t(to)]; first >= 0) {
-                rims_.loops.emplace_back(path_.begin() + first, path_.end());
-                for (const int place : rims_.loops.back()) step_[std::size_t(place)] = -1;
+                boundary_.loops.emplace_back(path_.begin() + first, path_.end());
+                for (const int place : boundary_.loops.back()) step_[std::size_t(place)] = -1;
                 path_.resize(std::size_t(first));
             }
             const std::size_t next = next_edge(from, to);
@@ -60,7 +61,7 @@ private:
     /// `from` across the hole.
     std::size_t next_edge(int from, int to) const {
         const auto first = std::lower_bound(edges_.begin(), edges_.end(), HoleEdge{to, -1});
-        const Vec3d n = rims_.normals[std::size_t(to)], back = point(from) - point(to);
+        const Vec3d n = boundary_.normals[std::size_t(to)], back = point(from) - point(to);
         std::size_t best = edges_.size();
         double least = std::numeric_limits<double>::infinity();
         for (auto at = first; at != edges_.end() && at->from == to; ++at) {
@@ -76,43 +77,45 @@ private:
     }
 
     const TriangleMesh& mesh_;
-    Rims& rims_;
+    MeshBoundary& boundary_;
     const std::vector<HoleEdge>& edges_;
     std::vector<char> used_;
     std::vector<int> step_, path_;  // position of each place in the path; the path
 };
 
 /// Marks the vertices of edges in SurfaceEdges::boundary.
-std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim) {
-    std::vector<char> at_rim(mesh.vertices.size());
+std::vector<char> mark_boundary_vertices(const TriangleMesh& mesh,
+                                         const std::vector<char>& is_boundary) {
+    std::vector<char> at_boundary(mesh.vertices.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int i) {
         const auto f = static_cast<std::size_t>(i);
         for (int k = 0; k < 3; ++k)
-            if (is_rim[3 * f + std::size_t(k)])
+            if (is_boundary[3 * f + std::size_t(k)])
                 for (const int corner : {k, (k + 1) % 3})
-                    mark(at_rim[std::size_t(mesh.faces[f][corner])]);
+                    mark(at_boundary[std::size_t(mesh.faces[f][corner])]);
     });
-    return at_rim;
+    return at_boundary;
 }
 
 }  // namespace
 
-bool Rims::has_edge(int from, int to) const {
+bool MeshBoundary::has_edge(int from, int to) const {
     return std::binary_search(edges.begin(), edges.end(), std::pair{from, to});
 }
 
-Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
-    Rims rims;
-    const std::vector<char>& is_rim = surface.rim;
-    const std::vector<char> at_rim = vertices_at_rims(mesh, is_rim);
-    rims.vertices = numbers_where(at_rim.size(), [&](std::size_t v) { return at_rim[v] != 0; });
+MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface) {
+    MeshBoundary boundary;
+    const std::vector<char>& is_boundary = surface.boundary;
+    const std::vector<char> at_boundary = mark_boundary_vertices(mesh, is_boundary);
+    boundary.vertices =
+        numbers_where(at_boundary.size(), [&](std::size_t v) { return at_boundary[v] != 0; });
     std::vector<int> places(mesh.vertices.size(), -1);
-    parallel_for(Cpu{}, static_cast<int>(rims.vertices.size()),
-                 [&](int i) { places[std::size_t(rims.vertices[std::size_t(i)])] = i; });
+    parallel_for(Cpu{}, static_cast<int>(boundary.vertices.size()),
+                 [&](int i) { places[std::size_t(boundary.vertices[std::size_t(i)])] = i; });
     const std::vector<int> near = numbers_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        return at_rim[std::size_t(face.x)] || at_rim[std::size_t(face.y)] ||
-               at_rim[std::size_t(face.z)];
+        return at_boundary[std::size_t(face.x)] || at_boundary[std::size_t(face.y)] ||
+               at_boundary[std::size_t(face.z)];
     });
     const std::vector<Vec3i> faces = taken(mesh.faces, near);
     const Corners corners(faces, mesh.vertices.size());
@@ -121,36 +124,39 @@ Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
         return cross(vec_cast<double>(mesh.vertices[std::size_t(face.y)]) - a,
                      vec_cast<double>(mesh.vertices[std::size_t(face.z)]) - a);
     };
-    const auto count = static_cast<int>(rims.vertices.size());
-    rims.normals.resize(rims.vertices.size()), rims.rim_edges.resize(rims.vertices.size());
-    std::vector<std::vector<int>> joined(rims.vertices.size());  // neighbours of each, ascending
+    const auto count = static_cast<int>(boundary.vertices.size());
+    boundary.normals.resize(boundary.vertices.size()),
+        boundary.edge_counts.resize(boundary.vertices.size());
+    std::vector<std::vector<int>> joined(
+        boundary.vertices.size());  // neighbours of each, ascending
     parallel_for(Cpu{}, count, [&](int i) {
         const auto place = static_cast<std::size_t>(i);
         Vec3d sum;
         std::vector<int>& others = joined[place];
-        corners.for_each(rims.vertices[place], [&](std::uint32_t f, int k) {
+        corners.for_each(boundary.vertices[place], [&](std::uint32_t f, int k) {
             sum += normal_of(faces[f]);
             for (const int step : {1, 2}) others.push_back(faces[f][(k + step) % 3]);
         });
-        if (const double length = norm(sum); length > 0) rims.normals[place] = sum / length;
+        if (const double length = norm(sum); length > 0) boundary.normals[place] = sum / length;
         std::sort(others.begin(), others.end());
         others.erase(std::unique(others.begin(), others.end()), others.end());
     });
     std::vector<HoleEdge> holes;
     for (std::size_t place = 0; place < joined.size(); ++place) {
-        const int v = rims.vertices[place];
-        for (const int other : joined[place]) rims.edges.push_back({v, other});
+        const int v = boundary.vertices[place];
+        for (const int other : joined[place]) boundary.edges.push_back({v, other});
         corners.for_each(v, [&](std::uint32_t f, int k) {
-            if (is_rim[3 * std::size_t(near[f]) + std::size_t(k)])
+            if (is_boundary[3 * std::size_t(near[f]) + std::size_t(k)])
                 holes.push_back(
                     {places[std::size_t(faces[f][(k + 1) % 3])], static_cast<int>(place)});
         });
     }
     std::sort(holes.begin(), holes.end());
     for (const HoleEdge& edge : holes)
-        ++rims.rim_edges[std::size_t(edge.from)], ++rims.rim_edges[std::size_t(edge.to)];
-    LoopFinder(mesh, rims, holes).find();
-    return rims;
+        ++boundary.edge_counts[std::size_t(edge.from)],
+            ++boundary.boundary_edges[std::size_t(edge.to)];
+    LoopFinder(mesh, boundary, holes).find();
+    return boundary;
 }
 
 }  // namespace tvsgs

@@ -10,7 +10,7 @@ namespace tvsgs {
 namespace {
 
 constexpr double kSplit = 1.4142135623730951;  // [Liepa03] uses the square root of 2, too
-constexpr int kMostRounds = 12;                // each round halves the edges, roughly
+constexpr int kMaxRounds = 12;                 // each round halves the edges, roughly
 
 double area(Vec3d a, Vec3d b, Vec3d c) {
     const Vec3d ab = b - a, ac = c - a, bc = c - b;
@@ -22,17 +22,18 @@ double area(Vec3d a, Vec3d b, Vec3d c) {
 /// Splits and flips faces; the edges of the loop do not change.
 class Refiner {
 public:
-    Refiner(const HoleRim& rim, Patch& patch)
-        : rim_(rim), n_(static_cast<int>(rim.points.size())), patch_(patch) {
+    Refiner(const HoleBoundary& boundary, Patch& patch)
+        : boundary_(boundary), n_(static_cast<int>(boundary.points.size())), patch_(patch) {
         for (int i = 0; i < n_; ++i)
             length_ +=
-                norm(rim.points[std::size_t((i + 1) % n_)] - rim.points[std::size_t(i)]) / n_;
+                norm(boundary.points[std::size_t((i + 1) % n_)] - boundary.points[std::size_t(i)]) /
+                n_;
         for (int f = 0; f < static_cast<int>(patch.faces.size()); ++f) enter(f);
     }
 
     void refine() {
         flip_all();
-        for (int round = 0; round < kMostRounds && split_all(); ++round) flip_all();
+        for (int round = 0; round < kMaxRounds && split_all(); ++round) flip_all();
     }
 
 private:
@@ -65,7 +66,7 @@ private:
     }
 
     void flip_all() {
-        for (int round = 0; round < kMostRounds; ++round) {
+        for (int round = 0; round < kMaxRounds; ++round) {
             bool flipped = false;
             for (int f = 0; f < static_cast<int>(patch_.faces.size()); ++f)
                 for (int k = 0; k < 3; ++k) flipped |= flip(f, k);
@@ -84,7 +85,7 @@ private:
         for (int j = 0; j < 3; ++j)
             if (corner(g, j) != a && corner(g, j) != b) d = corner(g, j);
         if (face_of_.count({c, d}) || face_of_.count({d, c})) return false;
-        if (c < n_ && d < n_ && !rim_.may_be_joined(c, d)) return false;
+        if (c < n_ && d < n_ && !boundary_.may_be_joined(c, d)) return false;
         const Vec3d A = point(a), B = point(b), C = point(c), D = point(d);
         const double sine_c = norm(cross(A - C, B - C)), cosine_c = dot(A - C, B - C),
                      sine_d = norm(cross(A - D, B - D)), cosine_d = dot(A - D, B - D);
@@ -100,7 +101,7 @@ private:
         return true;
     }
 
-    const HoleRim& rim_;
+    const HoleBoundary& boundary_;
     const int n_;
     Patch& patch_;
     double length_ = 0;                           // mean of the loop's edges
@@ -109,8 +110,9 @@ private:
 
 /// Moves the inner points to minimise the sum of squared umbrella vectors over all points. The
 /// umbrella vector leads from a point to the mean of its neighbours.
-void fair(const HoleRim& rim, Patch& patch) {
-    const auto n = static_cast<int>(rim.points.size()), all = static_cast<int>(patch.points.size());
+void fair(const HoleBoundary& boundary, Patch& patch) {
+    const auto n = static_cast<int>(boundary.points.size()),
+               all = static_cast<int>(patch.points.size());
     if (all == n) return;
     std::vector<std::pair<int, int>> joined;
     for (const Vec3i& face : patch.faces)
@@ -122,7 +124,7 @@ void fair(const HoleRim& rim, Patch& patch) {
     std::vector<int> degrees(patch.points.size());
     for (const auto& [v, w] : joined) ++degrees[std::size_t(v)];
     for (int v = 0; v < n; ++v)
-        degrees[std::size_t(v)] += static_cast<int>(rim.around[std::size_t(v)].size());
+        degrees[std::size_t(v)] += static_cast<int>(boundary.around[std::size_t(v)].size());
     // Each row of U x + known is an umbrella vector.
     std::vector<Eigen::Triplet<double>> entries;
     Eigen::MatrixX3d known = Eigen::MatrixX3d::Zero(all, 3);
@@ -137,7 +139,7 @@ void fair(const HoleRim& rim, Patch& patch) {
     for (int v = 0; v < all; ++v) add(v, v, -1);
     for (const auto& [v, w] : joined) add(v, w, 1.0 / degrees[std::size_t(v)]);
     for (int v = 0; v < n; ++v)
-        for (const Vec3d p : rim.around[std::size_t(v)])
+        for (const Vec3d p : boundary.around[std::size_t(v)])
             known.row(v) += Eigen::RowVector3d(p.x, p.y, p.z) / degrees[std::size_t(v)];
     Eigen::SparseMatrix<double> U(all, all - n);
     U.setFromTriplets(entries.begin(), entries.end());
@@ -151,8 +153,8 @@ void fair(const HoleRim& rim, Patch& patch) {
 
 }  // namespace
 
-std::vector<Vec3i> least_area(const HoleRim& rim) {
-    const std::vector<Vec3d>& p = rim.points;
+std::vector<Vec3i> least_area(const HoleBoundary& boundary) {
+    const std::vector<Vec3d>& p = boundary.points;
     const std::size_t n = p.size();
     if (n < 3) return {};
     constexpr double kNone = std::numeric_limits<double>::infinity();
@@ -161,7 +163,7 @@ std::vector<Vec3i> least_area(const HoleRim& rim) {
     for (std::size_t i = 0; i + 1 < n; ++i) least[i * n + i + 1] = 0;
     for (std::size_t span = 2; span < n; ++span)
         for (std::size_t i = 0, j = span; j < n; ++i, ++j) {
-            if (span + 1 < n && !rim.may_be_joined(static_cast<int>(i), static_cast<int>(j)))
+            if (span + 1 < n && !boundary.may_be_joined(static_cast<int>(i), static_cast<int>(j)))
                 continue;
             for (std::size_t k = i + 1; k < j; ++k) {
                 const double others = least[i * n + k] + least[k * n + j];
@@ -184,11 +186,11 @@ std::vector<Vec3i> least_area(const HoleRim& rim) {
     return faces;
 }
 
-Patch make_patch(const HoleRim& rim) {
-    Patch patch{rim.points, least_area(rim), {}};
+Patch make_patch(const HoleBoundary& boundary) {
+    Patch patch{boundary.points, least_area(boundary), {}};
     if (patch.faces.empty()) return patch;
-    Refiner(rim, patch).refine();
-    fair(rim, patch);
+    Refiner(boundary, patch).refine();
+    fair(boundary, patch);
     return patch;
 }
 

@@ -10,7 +10,7 @@
 namespace tvsgs {
 
 /// The surroundings of a hole of n vertices, numbered along its loop.
-struct HoleRim {
+struct HoleBoundary {
     std::vector<Vec3d> points;  // [n]
     /// For each point, its neighbours in the surface that are not in the loop.
     std::vector<std::vector<Vec3d>> around;       // [n]
@@ -26,10 +26,10 @@ struct Patch {
 
 /// Triangulation of the loop with the least area, by dynamic programming, O(n^3). [Barequet95]
 /// Empty if every triangulation has a forbidden edge or no area.
-std::vector<Vec3i> least_area(const HoleRim& rim);
+std::vector<Vec3i> least_area(const HoleBoundary& boundary);
 
 /// Refines the least-area triangulation to faces as large as the loop's edges are long, and fairs
 /// it so that it continues the surface around it. [Liepa03]
-Patch make_patch(const HoleRim& rim);
+Patch make_patch(const HoleBoundary& boundary);
 
 }  // namespace tvsgs

@@ -8,7 +8,7 @@ namespace tvsgs {
 namespace {
 
 constexpr int kNormalRounds = 5, kVertexRounds = 5;
-constexpr double kLeastCosine = 0.5;  // between normals of faces of one smooth part
+constexpr double kMinCosine = 0.5;  // between normals of faces of one smooth part
 
 template <class Body>
 void for_each(std::size_t count, const Body& body) {
@@ -47,7 +47,7 @@ Planes averaged_planes(const TriangleMesh& mesh,
             Vec3d sum;
             for (int k = 0; k < 3; ++k)
                 corners.for_each(mesh.faces[f][k], [&](std::uint32_t g, int) {
-                    const double like = dot(planes.normals[f], planes.normals[g]) - kLeastCosine;
+                    const double like = dot(planes.normals[f], planes.normals[g]) - kMinCosine;
                     if (like > 0) sum += (like * like * planes.areas[g]) * planes.normals[g];
                 });
             next[f] = unit(sum);
@@ -68,7 +68,7 @@ std::vector<double> limits_of(const TriangleMesh& mesh,
         bool stays = edges.fixed[v] != 0;
         corners.for_each(static_cast<int>(v), [&](std::uint32_t f, int k) {
             for (const int edge : {k, (k + 2) % 3})
-                stays = stays || edges.rim[3 * f + std::size_t(edge)];
+                stays = stays || edges.boundary[3 * f + std::size_t(edge)];
         });
         if (!stays) limits[v] = double(limit_px * pixel_length(cameras, mesh.vertices[v]));
     });

@@ -19,7 +19,7 @@ namespace {
 constexpr std::size_t kGroup = 1 << 14;  // faces of a group; its data fit into a cache
 // With it the measured error is usually within the bound at once.
 constexpr double kLargestCost = 0.4;
-constexpr int kMostRepeats = 4;
+constexpr int kMaxRepeats = 4;
 // Factor of the next tolerance, below the ratio of bound and error.
 constexpr double kTighter = 0.9;
 
@@ -100,7 +100,8 @@ void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px
         if (!(tolerance > mesh.tolerances[v])) return;
         const double ratio = mesh.tolerances[v] / tolerance;
         mesh.surface[v].count_in(1 / ratio);
-        if (mesh.rim[v] >= 0) mesh.rims[std::size_t(mesh.rim[v])].count_in(1 / ratio);
+        if (mesh.boundary[v] >= 0)
+            mesh.boundaries[std::size_t(mesh.boundary[v])].count_in(1 / ratio);
         mesh.tolerances[v] = tolerance;
     });
 }
@@ -169,7 +170,7 @@ SimplifyReport simplify(TriangleMesh& mesh,
         report.proof = measured(original, found);
         report.holds = report.proof.p999_px <= bound_px;
         if (!report.holds && std::isfinite(report.proof.p999_px) && options.faces == 0 &&
-            report.repeats < kMostRepeats) {
+            report.repeats < kMaxRepeats) {
             tolerance_px *= kTighter * bound_px / report.proof.p999_px;
             continue;
         }
@@ -179,7 +180,7 @@ SimplifyReport simplify(TriangleMesh& mesh,
     }
 }
 
-std::string simplify_and_say(TriangleMesh& mesh,
+std::string simplify_and_log(TriangleMesh& mesh,
                              const std::vector<Camera>& cameras,
                              const SimplifyOptions& options,
                              spdlog::level::level_enum level) {

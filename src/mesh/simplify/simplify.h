@@ -55,7 +55,7 @@ SimplifyReport simplify(TriangleMesh& mesh,
 
 /// Simplifies and logs the result in one line at `level`. Returns why nothing is left; empty if
 /// something is left, or the mesh was empty before.
-std::string simplify_and_say(TriangleMesh& mesh,
+std::string simplify_and_log(TriangleMesh& mesh,
                              const std::vector<Camera>& cameras,
                              const SimplifyOptions& options,
                              spdlog::level::level_enum level);

@@ -9,9 +9,9 @@ namespace tvsgs {
 namespace {
 
 // Of boundaries relative to faces, for the position of the new vertex.
-constexpr double kRimWeight = 10;
-constexpr double kLeastCosine = 0.5;   // between the normals of a face before and after
-constexpr double kLeastAspect = 0.05;  // 4 sqrt(3) area / sum of squared sides; 1: equilateral
+constexpr double kBoundaryWeight = 10;
+constexpr double kMinCosine = 0.5;   // between the normals of a face before and after
+constexpr double kMinAspect = 0.05;  // 4 sqrt(3) area / sum of squared sides; 1: equilateral
 // Extra cost, in the order, of an edge as long as the tolerance.
 constexpr double kShortFirst = 1e-2;
 constexpr double kNoWorse = 1e-6;  // an end point is used only if it costs less by this amount
@@ -151,7 +151,8 @@ private:
         const Quadric* parts[4] = {&m_.surface[at(u)], &m_.surface[at(v)], nullptr, nullptr};
         int count = 2;
         for (const int end : {u, v})
-            if (const int rim = m_.rim[at(end)]; rim >= 0) parts[count++] = &m_.rims[at(rim)];
+            if (const int boundary = m_.boundary[at(end)]; boundary >= 0)
+                parts[count++] = &m_.boundaries[at(boundary)];
         const auto joint = [&](int first, int last, double scale, Quadric& out) {
             double weight = 0;
             for (int i = first; i < last; ++i) weight += parts[i]->weight;
@@ -160,7 +161,7 @@ private:
         };
         Quadric both;
         joint(0, 2, 1, both);
-        joint(2, count, kRimWeight, both);
+        joint(2, count, kBoundaryWeight, both);
         const auto cost = [&](Vec3d x) {
             double worst = 0;
             for (int i = 0; i < count; ++i) worst = std::max(worst, parts[i]->mean(x));
@@ -210,8 +211,8 @@ private:
             if (shared < 2) opposite[shared] = f.p == v ? f.q : f.p;
             ++shared;
         }
-        const bool both_at_rim = m_.rim[at(u)] >= 0 && m_.rim[at(v)] >= 0;
-        if (shared < 1 || shared > 2 || (both_at_rim && shared == 2)) return false;
+        const bool both_at_boundary = m_.boundary[at(u)] >= 0 && m_.boundary[at(v)] >= 0;
+        if (shared < 1 || shared > 2 || (both_at_boundary && shared == 2)) return false;
         int common = 0;
         for (const Around& f : of_v_)
             for (const int w : {f.p, f.q})
@@ -234,9 +235,9 @@ private:
             // Squared, because roots cost more than the rest.
             const double was = dot(before, before), is = dot(after, after),
                          both = dot(before, after);
-            if (!(both >= 0 && both * both >= kLeastCosine * kLeastCosine * was * is)) return false;
+            if (!(both >= 0 && both * both >= kMinCosine * kMinCosine * was * is)) return false;
             const double sides = sum_of_squared_sides(point, b, c);
-            if (is >= kLeastAspect * kLeastAspect / 12 * sides * sides && sides > 0) continue;
+            if (is >= kMinAspect * kMinAspect / 12 * sides * sides && sides > 0) continue;
             const double old_sides = sum_of_squared_sides(old, b, c);
             if (!(is * old_sides * old_sides >= was * sides * sides) || (sides == 0 && was > 0))
                 return false;
@@ -267,10 +268,10 @@ private:
         m_.positions[at(v)] = point;
         m_.tolerances[at(v)] = std::min(m_.tolerances[at(u)], m_.tolerances[at(v)]);
         m_.surface[at(v)].add(m_.surface[at(u)]);
-        const int from = m_.rim[at(u)];
-        int& to = m_.rim[at(v)];
+        const int from = m_.boundary[at(u)];
+        int& to = m_.boundary[at(v)];
         if (from >= 0 && to >= 0)
-            m_.rims[at(to)].add(m_.rims[at(from)]);
+            m_.boundaries[at(to)].add(m_.boundaries[at(from)]);
         else
             to = std::max(from, to);
         queue_around(v);

@@ -14,9 +14,9 @@ struct CollapsibleMesh {
     std::vector<Vec3d> positions;
     std::vector<double> tolerances;  // world units; the unit of distance of the quadrics
     std::vector<Quadric> surface;    // planes of faces, weighted by area
-    std::vector<int> rim;            // index in `boundaries`; -1: not on a boundary
+    std::vector<int> boundary;       // index in `boundaries`; -1: not on a boundary
     // Planes through boundary edges, perpendicular to their faces, weighted by length.
-    std::vector<Quadric> rims;
+    std::vector<Quadric> boundaries;
     std::vector<char> fixed;  // neither the vertex nor its edges change
     std::vector<Vec3i> faces;
 };

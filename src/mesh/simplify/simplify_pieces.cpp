@@ -101,29 +101,31 @@ private:
 };
 
 /// The boundary quadric of a vertex; creates it if necessary.
-Quadric& rims_at(CollapsibleMesh& mesh, std::size_t v) {
-    int& rim = mesh.rim[v];
-    if (rim < 0) rim = static_cast<int>(mesh.rims.size()), mesh.rims.emplace_back();
-    return mesh.rims[std::size_t(rim)];
+Quadric& boundary_at(CollapsibleMesh& mesh, std::size_t v) {
+    int& boundary = mesh.boundary[v];
+    if (boundary < 0)
+        boundary = static_cast<int>(mesh.boundaries.size()), mesh.boundaries.emplace_back();
+    return mesh.boundaries[std::size_t(boundary)];
 }
 
 /// Adds a vertex with empty quadrics.
 void add_vertex(CollapsibleMesh& to, Vec3d position, double tolerance, bool fixed) {
     to.positions.push_back(position), to.tolerances.push_back(tolerance);
     to.fixed.push_back(fixed);
-    to.surface.emplace_back(), to.rim.push_back(-1);
+    to.surface.emplace_back(), to.boundary.push_back(-1);
 }
 
 /// Adds the quadrics of a vertex to those of another.
 void add_quadrics(const CollapsibleMesh& from, std::size_t i, CollapsibleMesh& to, std::size_t j) {
     to.surface[j].add(from.surface[i]);
-    if (from.rim[i] >= 0) rims_at(to, j).add(from.rims[std::size_t(from.rim[i])]);
+    if (from.boundary[i] >= 0)
+        boundary_at(to, j).add(from.boundaries[std::size_t(from.boundary[i])]);
 }
 
 /// Adds the planes of the faces and of the boundary edges; is_boundary: by corner 3 face + k.
 void add_planes(CollapsibleMesh& to,
                 const std::vector<int>& faces,
-                const std::vector<char>& is_rim) {
+                const std::vector<char>& is_boundary) {
     for (std::size_t f = 0; f < faces.size(); ++f) {
         const Vec3i face = to.faces[f];
         const auto corner = [&](int k) { return to.positions[std::size_t(face[k % 3])]; };
@@ -136,7 +138,7 @@ void add_planes(CollapsibleMesh& to,
                         std::min({tolerance(0), tolerance(1), tolerance(2)}));
         for (int k = 0; k < 3; ++k) {
             to.surface[std::size_t(face[k])].add(plane);
-            if (!is_rim[3 * std::size_t(faces[f]) + std::size_t(k)]) continue;
+            if (!is_boundary[3 * std::size_t(faces[f]) + std::size_t(k)]) continue;
             const Vec3d along = corner(k + 1) - corner(k);
             const double length = norm(along);
             Quadric upright;
@@ -144,7 +146,7 @@ void add_planes(CollapsibleMesh& to,
                 upright.add_plane(cross(along / length, normal), corner(k), length,
                                   std::min(tolerance(k), tolerance(k + 1)));
             for (const int end : {face[k], face[(k + 1) % 3]})
-                rims_at(to, std::size_t(end)).add(upright);
+                boundary_at(to, std::size_t(end)).add(upright);
         }
     }
 }
@@ -177,18 +179,18 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
                      std::size_t vertices,
                      const AddShared& add_shared) {
     struct Start {
-        std::size_t vertex = 0, rim = 0, face = 0;
+        std::size_t vertex = 0, boundary = 0, face = 0;
     };
     std::vector<Start> starts(pieces.size() + 1);
     for (std::size_t i = 0; i < pieces.size(); ++i)
         starts[i + 1] = {starts[i].vertex + pieces[i].own,
-                         starts[i].rim + pieces[i].mesh.rims.size(),
+                         starts[i].boundary + pieces[i].mesh.boundaries.size(),
                          starts[i].face + pieces[i].mesh.faces.size()};
     CollapsibleMesh all;
     const std::size_t own = starts.back().vertex;
     all.positions.resize(own), all.tolerances.resize(own), all.surface.resize(own);
-    all.rim.resize(own, -1), all.fixed.resize(own);
-    all.rims.resize(starts.back().rim), all.faces.resize(starts.back().face);
+    all.boundary.resize(own, -1), all.fixed.resize(own);
+    all.boundaries.resize(starts.back().boundary), all.faces.resize(starts.back().face);
     std::vector<int> place(vertices, kNobody);  // of shared vertices
     for (const Piece& piece : pieces)
         for (std::size_t i = piece.own; i < piece.vertices.size(); ++i) {
@@ -205,9 +207,11 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
             const std::size_t to = start.vertex + i;
             all.positions[to] = from.positions[i], all.tolerances[to] = from.tolerances[i];
             all.surface[to] = from.surface[i], all.fixed[to] = from.fixed[i];
-            if (from.rim[i] >= 0) all.rim[to] = static_cast<int>(start.rim) + from.rim[i];
+            if (from.boundary[i] >= 0)
+                all.boundary[to] = static_cast<int>(start.boundary) + from.boundary[i];
         }
-        std::copy(from.rims.begin(), from.rims.end(), all.rims.begin() + std::ptrdiff_t(start.rim));
+        std::copy(from.boundaries.begin(), from.boundaries.end(),
+                  all.boundaries.begin() + std::ptrdiff_t(start.boundary));
         for (std::size_t f = 0; f < from.faces.size(); ++f)
             for (int k = 0; k < 3; ++k) {
                 const auto i = static_cast<std::size_t>(from.faces[f][k]);
@@ -238,7 +242,7 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
         Piece piece = division.cut_out(g, groups[std::size_t(g)]);
         for (std::size_t i = 0; i < piece.vertices.size(); ++i)
             add(piece.vertices[i], i >= piece.own, piece.mesh);
-        add_planes(piece.mesh, groups[std::size_t(g)], edges.rim);
+        add_planes(piece.mesh, groups[std::size_t(g)], edges.boundary);
         collapse_edges(piece.mesh, largest_cost, 0);
         pieces[std::size_t(g)] = without_unused(std::move(piece));
     });

@@ -9,8 +9,8 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kMostPoints = 1 << 18;  // in one direction
-constexpr std::size_t kChunk = 1024;          // consecutive points of a parallel task
+constexpr std::size_t kMaxPoints = 1 << 18;  // in one direction
+constexpr std::size_t kChunk = 1024;         // consecutive points of a parallel task
 
 /// Calls action(first, last) for chunks of [0, count).
 template <class Action>
@@ -56,7 +56,7 @@ void add_distances(const MeasuredMesh& from,
 
 SurfacePlaces places_on(const TriangleMesh& mesh) {
     SurfacePlaces places{{}, mesh.vertices.size() + 4 * mesh.faces.size()};
-    const std::size_t stride = (places.all + kMostPoints - 1) / kMostPoints;
+    const std::size_t stride = (places.all + kMaxPoints - 1) / kMaxPoints;
     places.points.resize(stride > 0 ? (places.all + stride - 1) / stride : 0);
     parallel_for(Cpu{}, static_cast<int>(places.points.size()), [&](int i) {
         places.points[std::size_t(i)] = place_on(mesh, std::size_t(i) * stride);

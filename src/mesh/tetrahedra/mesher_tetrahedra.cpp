@@ -15,12 +15,12 @@ std::size_t most_points(std::int64_t max_bytes, int splats) {
         static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes(Cpu{})));
     const std::int64_t of_splats = std::int64_t{kFieldBytesPerSplat} * splats;
     const std::int64_t most = (std::min(max_bytes, free) - of_splats) / kPivotBytes;
-    constexpr std::int64_t kLeast = 64, kMost = 1 << 27;  // limit of the numbering of tetrahedra
-    if (most < kLeast)
+    constexpr std::int64_t kMin = 64, kMax = 1 << 27;  // limit of the numbering of tetrahedra
+    if (most < kMin)
         throw Error(ExitCode::memory, str("a mesh of ", splats, " splats takes ",
-                                          of_splats + kLeast * kPivotBytes, " bytes at least, and ",
+                                          of_splats + kMin * kPivotBytes, " bytes at least, and ",
                                           std::min(max_bytes, free), " are there; raise --memory"));
-    return static_cast<std::size_t>(std::min(most, kMost));
+    return static_cast<std::size_t>(std::min(most, kMax));
 }
 
 std::string why_no_points(std::size_t splats) {

@@ -11,10 +11,10 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr int kLeastSide = 256;
-constexpr double kStep = 0.95, kLeastScale = 0.01;
-constexpr double kUnseenLength = 2;   // texels of the longest edge of an unseen face
-constexpr double kMostLength = 1024;  // of a partly visible face
+constexpr int kMinSide = 256;
+constexpr double kStep = 0.95, kMinScale = 0.01;
+constexpr double kUnseenLength = 2;  // texels of the longest edge of an unseen face
+constexpr double kMaxLength = 1024;  // of a partly visible face
 // Of the texture; unseen faces are flat if they would take more.
 constexpr double kShareOfUnseen = 0.25;
 constexpr int kColorSteps = 32;  // per channel, of flat tiles
@@ -55,7 +55,7 @@ Tile tile_of(const TriangleMesh& mesh, int face, float pixel) {
     for (int c = 0; c < 3; ++c)
         if (const double l = norm(shape.corners[(c + 1) % 3] - shape.corners[c]); l > longest)
             longest = l, tile.first = c;
-    tile.length = tile.seen ? std::min(longest / pixel, kMostLength) : kUnseenLength;
+    tile.length = tile.seen ? std::min(longest / pixel, kMaxLength) : kUnseenLength;
     return tile;
 }
 
@@ -154,9 +154,9 @@ Atlas lay_out(const TriangleMesh& mesh,
     const double tile_area = (kUnseenLength + 3) * (kUnseenLength + 3);
     const bool flat = unseen * tile_area > kShareOfUnseen * max_side * double(max_side);
     if (flat) share_tiles(mesh, atlas.tiles);
-    for (int side = fixed_side ? max_side : kLeastSide; side <= max_side; side *= 2)
+    for (int side = fixed_side ? max_side : kMinSide; side <= max_side; side *= 2)
         if (fit(mesh, atlas, flat, 1, side)) return atlas;
-    for (double scale = kStep; scale > kLeastScale; scale *= kStep)
+    for (double scale = kStep; scale > kMinScale; scale *= kStep)
         if (fit(mesh, atlas, flat, scale, max_side)) return atlas;
     throw Error(ExitCode::input,
                 str("the mesh is in too many parts for a texture of ", max_side, "x", max_side,

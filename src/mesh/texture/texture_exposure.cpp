@@ -10,11 +10,11 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr double kOutlier = 3, kLeastDeviation = 0.02;  // in deviations; of colours in [0, 1]
-constexpr float kDark = 0.05f, kBright = 0.95f;         // colours outside say little about exposure
-constexpr double kMostGain = 4;
-constexpr int kMostCompared = 20000;  // faces, spread over the mesh
-constexpr int kMostPartners = 8;      // of a view of a face
+constexpr double kOutlier = 3, kMinDeviation = 0.02;  // in deviations; of colours in [0, 1]
+constexpr float kDark = 0.05f, kBright = 0.95f;       // colours outside say little about exposure
+constexpr double kMaxGain = 4;
+constexpr int kMaxCompared = 20000;  // faces, spread over the mesh
+constexpr int kMaxPartners = 8;      // of a view of a face
 
 float median_of(Span<float> values) {
     float* const middle = values.data + values.count / 2;
@@ -23,21 +23,21 @@ float median_of(Span<float> values) {
 }
 
 /// A colour farther than `limit` from the median of the candidates is an outlier.
-struct Bounds {
+struct ColorBounds {
     Vec3f middle;
     double limit = INFINITY;
 
-    explicit Bounds(Span<const Candidate> of) {
+    explicit ColorBounds(Span<const Candidate> of) {
         if (of.count < 4) return;
-        float numbers[kMostCandidates];
-        const Span<float> values{numbers, std::min(of.count, kMostCandidates)};
+        float numbers[kMaxCandidates];
+        const Span<float> values{numbers, std::min(of.count, kMaxCandidates)};
         for (int c = 0; c < 3; ++c) {
             for (std::size_t i = 0; i < values.count; ++i) values[i] = of[i].color[c];
             middle[c] = median_of(values);
         }
         for (std::size_t i = 0; i < values.count; ++i) values[i] = norm(of[i].color - middle);
         // 1.4826: ratio of the deviation to the median for normal errors.
-        limit = kOutlier * std::max(1.4826 * double{median_of(values)}, kLeastDeviation);
+        limit = kOutlier * std::max(1.4826 * double{median_of(values)}, kMinDeviation);
     }
     bool hold(Vec3f color) const { return double{norm(color - middle)} <= limit; }
 };
@@ -51,11 +51,11 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
         return std::min({color.x, color.y, color.z}) > kDark &&
                std::max({color.x, color.y, color.z}) < kBright;
     };
-    const int step = std::max(1, candidates.faces() / kMostCompared);
+    const int step = std::max(1, candidates.faces() / kMaxCompared);
     for (int f = 0; f < candidates.faces(); f += step) {
         const Span<const Candidate> of = candidates.of(f);
         for (std::size_t i = 0; i < of.count; ++i)
-            for (std::size_t j = i + 1; j < std::min(of.count, i + 1 + kMostPartners); ++j) {
+            for (std::size_t j = i + 1; j < std::min(of.count, i + 1 + kMaxPartners); ++j) {
                 if (!tells(of[i].color) || !tells(of[j].color)) continue;
                 Vec3f ratio;
                 for (int c = 0; c < 3; ++c) ratio[c] = std::log(of[i].color[c] / of[j].color[c]);
@@ -80,7 +80,7 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
     // A view without partners keeps its exposure.
     for (Eigen::Index i = 0; i < count; ++i) A(i, i) += 1;
     const Eigen::MatrixXd gains = A.ldlt().solve(b);
-    const double most = std::log(kMostGain);
+    const double most = std::log(kMaxGain);
     for (Eigen::Index i = 0; i < count; ++i)
         for (int c = 0; c < 3; ++c)
             views[static_cast<std::size_t>(i)].gain[c] =
@@ -94,7 +94,7 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
 void drop_outliers(Candidates& candidates) {
     std::vector<char> stay(candidates.all.size());
     parallel_for(Cpu{}, candidates.faces(), [&](int f) {
-        const Bounds bounds(candidates.of(f));
+        const ColorBounds bounds(candidates.of(f));
         for (std::size_t i = candidates.begin[f]; i < candidates.begin[f + 1]; ++i)
             stay[i] = bounds.hold(candidates.all[i].color);
     });

@@ -8,8 +8,8 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr double kCovered_px = 0.75;       // a texel counts as covered up to so far beside a face
-constexpr double kLeastTileCosine = 0.05;  // of views that show parts of a face
+constexpr double kCovered_px = 0.75;     // a texel counts as covered up to so far beside a face
+constexpr double kMinTileCosine = 0.05;  // of views that show parts of a face
 
 void set_texel(ImageU8& image, int x, int y, Vec3f color) {
     for (int c = 0; c < 3; ++c) {
@@ -183,7 +183,7 @@ struct TileColors {
     void add(const TriangleMesh& mesh, const PhotoView& view, const SightMaps& maps) {
         const FaceShape face(mesh, tile->face);
         const double cosine = face.cosine(view);
-        if (!(cosine > kLeastTileCosine)) return;
+        if (!(cosine > kMinTileCosine)) return;
         const TilePlaces places(face, *tile);
         for (int y = 0, i = 0; y < tile->rect.height; ++y)
             for (int x = 0; x < tile->rect.width; ++x, ++i) {

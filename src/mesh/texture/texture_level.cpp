@@ -11,7 +11,7 @@ namespace tvsgs::texture {
 namespace {
 
 constexpr double kSpacing_px = 8;
-constexpr int kMostValues = 200000;  // of all charts; the spacing doubles above it
+constexpr int kMaxValues = 200000;   // of all charts; the spacing doubles above it
 constexpr double kSmoothness = 0.1;  // weight of differences between neighbours, relative to steps
 // Weight of the difference of a pixel from the mean of all views.
 constexpr double kAgreement = 0.1;
@@ -111,15 +111,15 @@ struct Difference {
 };
 
 /// Target of one chart at each of its values.
-struct Wanted {
+struct ChartTarget {
     std::vector<double> weights;
     std::vector<Vec3d> sums;
 
-    Wanted(const TriangleMesh& mesh,
-           const Candidates& candidates,
-           const PhotoView& view,
-           const Chart& chart,
-           const Correction& grid)
+    ChartTarget(const TriangleMesh& mesh,
+                const Candidates& candidates,
+                const PhotoView& view,
+                const Chart& chart,
+                const Correction& grid)
         : weights(grid.values.size(), 0), sums(grid.values.size()) {
         for (const int f : chart.faces) {
             const FaceShape shape(mesh, f);
@@ -211,16 +211,16 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
     if (charts.empty()) return {};
     double spacing = kSpacing_px;
     Unknowns unknowns(mesh, views, charts, spacing);
-    while (unknowns.count > kMostValues && spacing < 1e4)
+    while (unknowns.count > kMaxValues && spacing < 1e4)
         unknowns = Unknowns(mesh, views, charts, spacing *= 2);
 
     std::vector<Eigen::Triplet<double>> entries;
     Eigen::MatrixXd b = Eigen::MatrixXd::Zero(unknowns.count, 3);
     // 1. Brightness near the mean of all views, and similar neighbouring values.
-    std::vector<std::optional<Wanted>> wanted(charts.size());
+    std::vector<std::optional<ChartTarget>> targets(charts.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(charts.size()), [&](int k) {
         const Chart& chart = charts[k];
-        wanted[k].emplace(mesh, candidates, views[chart.view], chart, unknowns.grids[k]);
+        targets[k].emplace(mesh, candidates, views[chart.view], chart, unknowns.grids[k]);
     });
     for (std::size_t k = 0; k < charts.size(); ++k) {
         const Correction& grid = unknowns.grids[k];
@@ -229,8 +229,8 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
             for (int x = 0; x < grid.columns; ++x) {
                 const int i = y * grid.columns + x, a = number[i];
                 if (a < 0) continue;
-                entries.emplace_back(a, a, kDamping + wanted[k]->weights[i]);
-                for (int c = 0; c < 3; ++c) b(a, c) += wanted[k]->sums[i][c];
+                entries.emplace_back(a, a, kDamping + targets[k]->weights[i]);
+                for (int c = 0; c < 3; ++c) b(a, c) += targets[k]->sums[i][c];
                 for (const int j : {x + 1 < grid.columns ? i + 1 : -1,
                                     y + 1 < grid.rows ? i + grid.columns : -1}) {
                     if (j < 0 || number[j] < 0) continue;

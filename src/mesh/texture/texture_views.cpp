@@ -11,12 +11,12 @@
 namespace tvsgs::texture {
 namespace {
 
-constexpr int kEdge = 2;                   // radius in pixels in which a surface in front matters
-constexpr double kLeastCosine = 0.2;       // of a view that shows a face completely
-constexpr double kLeastSeenCosine = 0.05;  // of a view that shows a part of a face
-constexpr double kSampleStep_px = 3;       // between the sample points of a face
-constexpr int kMostSamples = 256;          // along a side of a face
-constexpr float kEdgeShare = 0.1f;         // factor of the quality if a surface in front is close
+constexpr int kEdge = 2;                 // radius in pixels in which a surface in front matters
+constexpr double kMinCosine = 0.2;       // of a view that shows a face completely
+constexpr double kMinSeenCosine = 0.05;  // of a view that shows a part of a face
+constexpr double kSampleStep_px = 3;     // between the sample points of a face
+constexpr int kMaxSamples = 256;         // along a side of a face
+constexpr float kEdgeShare = 0.1f;       // factor of the quality if a surface in front is close
 constexpr int kFacesPerTask = 1024;
 constexpr std::size_t kKeptPixels = std::size_t{1} << 27;  // of depth, 512 MB
 
@@ -83,7 +83,7 @@ double length(double x, double y) {
 }
 
 /// Judges faces in one view with its occlusion maps.
-struct Looker {
+struct FaceJudge {
     const PhotoView& view;
     int index;
     const SightMaps& maps;
@@ -96,17 +96,17 @@ struct Looker {
     };
 
     /// How the view shows a face.
-    Found look_at(Vec3i face) const {
+    Found judge(Vec3i face) const {
         Found out;
         const Vec3d corners[3] = {vertices[face.x], vertices[face.y], vertices[face.z]};
         const Vec3d centre = (corners[0] + corners[1] + corners[2]) / 3;
         const Vec3d normal = cross(corners[1] - corners[0], corners[2] - corners[0]);
         const double cosine =
             -dot(normal, centre) / std::sqrt(dot(normal, normal) * dot(centre, centre));
-        if (!(cosine > kLeastSeenCosine)) return out;
+        if (!(cosine > kMinSeenCosine)) return out;
         if (!(corners[0].z > 0 && corners[1].z > 0 && corners[2].z > 0)) return out;
         Projection p[3];
-        bool inside = cosine > kLeastCosine;
+        bool inside = cosine > kMinCosine;
         const double w = view.camera.width_px, h = view.camera.height_px;
         for (int c = 0; c < 3; ++c) {
             p[c] = view.project_from_camera(corners[c]);
@@ -118,7 +118,7 @@ struct Looker {
             longest = std::max(longest, length(p[c].u - q.u, p[c].v - q.v));
         }
         const int n = static_cast<int>(
-            std::clamp(std::ceil(longest / kSampleStep_px), 1.0, double{kMostSamples}));
+            std::clamp(std::ceil(longest / kSampleStep_px), 1.0, double{kMaxSamples}));
         const double width = 1 / (view.camera.fx_px * std::max(cosine, 0.1));
         bool all = true, edge = false;
         Vec3d sum;
@@ -170,12 +170,12 @@ void keep_best(Candidates& candidates) {
     std::vector<char> stay(candidates.all.size(), 1);
     parallel_for(Cpu{}, candidates.faces(), [&](int f) {
         const Span<const Candidate> of = candidates.of(f);
-        if (of.count <= kMostCandidates) return;
+        if (of.count <= kMaxCandidates) return;
         std::vector<int> order(of.count);
         for (std::size_t i = 0; i < of.count; ++i) order[i] = static_cast<int>(i);
         std::stable_sort(order.begin(), order.end(),
                          [&](int a, int b) { return of[a].quality > of[b].quality; });
-        for (std::size_t i = kMostCandidates; i < of.count; ++i)
+        for (std::size_t i = kMaxCandidates; i < of.count; ++i)
             stay[candidates.begin[f] + static_cast<std::size_t>(order[i])] = 0;
     });
     candidates.keep(stay);
@@ -279,12 +279,12 @@ Candidates find_candidates(const TriangleMesh& mesh,
         parallel_for(Cpu{}, static_cast<int>(vertices.size()), [&](int i) {
             vertices[i] = views[v].in_camera(vec_cast<double>(mesh.vertices[i]));
         });
-        const Looker looker{views[v], v, maps, vertices};
+        const FaceJudge face_judge{views[v], v, maps, vertices};
         parallel_for_heavy(Cpu{}, tasks, [&](int task) {
             parts[task].clear();
             const int end = std::min(faces, (task + 1) * kFacesPerTask);
             for (int f = task * kFacesPerTask; f < end; ++f) {
-                const Looker::Found found = looker.look_at(mesh.faces[f]);
+                const FaceJudge::Found found = face_judge.judge(mesh.faces[f]);
                 if (found.all) parts[task].push_back({f, *found.all});
                 float& finest = out.seen_pixel[f];
                 if (found.seen && !(finest > 0 && finest <= found.pixel)) finest = found.pixel;
@@ -293,9 +293,9 @@ Candidates find_candidates(const TriangleMesh& mesh,
         lists.emplace_back();
         for (const auto& part : parts)
             lists.back().insert(lists.back().end(), part.begin(), part.end());
-        if (lists.size() < kMostCandidates && v + 1 < static_cast<int>(views.size())) continue;
+        if (lists.size() < kMaxCandidates && v + 1 < static_cast<int>(views.size())) continue;
         add(lists, out);
-        if (views.size() > kMostCandidates) keep_best(out);
+        if (views.size() > kMaxCandidates) keep_best(out);
         lists.clear();
     }
     return out;

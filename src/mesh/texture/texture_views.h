@@ -77,7 +77,7 @@ struct Candidate {
     Vec3f color;    // mean, times the gain
 };
 
-inline constexpr std::size_t kMostCandidates = 16;  // of a face; the best ones
+inline constexpr std::size_t kMaxCandidates = 16;  // of a face; the best ones
 
 /// Candidates of each face: those of face f are `all[begin[f]]` to `all[begin[f + 1]]`, by view.
 struct Candidates {

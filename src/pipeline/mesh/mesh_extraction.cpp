@@ -8,8 +8,8 @@
 #include "core/log.h"
 #include "core/parse_numbers.h"
 #include "mesh/mend/mesh_holes.h"
+#include "mesh/mend/mesh_manifold.h"
 #include "mesh/mend/mesh_smooth.h"
-#include "mesh/mend/mesh_sound.h"
 
 namespace tvsgs {
 namespace {
@@ -79,11 +79,12 @@ std::string clean_mesh(TriangleMesh& mesh,
     if (options.evidence && !mesh.faces.empty()) {
         const EvidenceReport seen = keep_seen_components(mesh, evidence);
         const std::size_t small =
-            seen.components - seen.kept_components - seen.looked_through - seen.lonely;
+            seen.components - seen.kept_components - seen.looked_through - seen.single_view;
         const std::string dropped =
-            str(seen.looked_through, " that a view looks through, ", seen.lonely,
+            str(seen.looked_through, " that a view looks through, ", seen.single_view,
                 " that one view alone sees, ", small, " of less than 20 pixels in every view");
-        spdlog::log(level, "{} faces at rims that no view sees; of {} components {} stay, not {}",
+        spdlog::log(level,
+                    "{} faces at boundaries that no view sees; of {} components {} stay, not {}",
                     seen.peeled_faces, seen.components, seen.kept_components, dropped);
         if (mesh.faces.empty())
             return str("the views bear out none of its ", seen.components, " components: ", dropped,
@@ -105,17 +106,17 @@ void mend_mesh(TriangleMesh& mesh,
                const EvidenceSource& evidence,
                spdlog::level::level_enum level) {
     if (mesh.faces.empty() || !(options.holes > 0 || options.smooth > 0)) return;
-    const SoundReport sound = make_sound(mesh);
+    const ManifoldReport sound = make_manifold(mesh);
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
         spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",
                     sound.dropped_faces, sound.split_vertices);
     const HoleReport holes = close_holes(mesh, sound.edges, cameras, evidence, options.holes);
     if (options.holes > 0)
-        spdlog::log(level,
-                    "of {} loops of rims {} holes of up to {} pixels are closed with {} faces, not "
-                    "{} that a view contradicts, {} that nothing fits",
-                    holes.loops, holes.closed, options.holes, holes.faces, holes.contradicted,
-                    holes.unfit);
+        spdlog::log(
+            level,
+            "of {} boundary loops {} holes of up to {} pixels are closed with {} faces, not "
+            "{} that a view contradicts, {} that nothing fits",
+            holes.loops, holes.closed, options.holes, holes.faces, holes.contradicted, holes.unfit);
     if (const std::size_t moved = smooth_surface(mesh, cameras, options.smooth))
         spdlog::log(level, "{} of {} vertices moved by up to {} pixels, to be smooth", moved,
                     mesh.vertices.size(), options.smooth);

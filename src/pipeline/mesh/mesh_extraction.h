@@ -65,7 +65,7 @@ struct MeshOptions {
         field(
             "smooth", smooth, {0, 100},
             "roughness of what is fused comes off before simplification, by up to that many pixels "
-            "of the nearest view; creases and rims stay; 0: none");
+            "of the nearest view; creases and boundaries stay; 0: none");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
     }
 };
@@ -164,7 +164,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     MeshOptions mending = options;
     if (!mesher->is_rough()) mending.smooth = 0;
     if (!mesher->is_closed()) detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
-    const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
+    const std::string simplified = simplify_and_log(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence || mesher->is_closed()) count_views(found.mesh, evidence);
     const std::string& why = !too_large.empty()        ? too_large

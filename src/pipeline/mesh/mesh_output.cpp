@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kLeastSide = 256, kMostSide = 8192;  // px; all devices can show the largest
+constexpr int kMinSide = 256, kMaxSide = 8192;  // px; all devices can show the largest
 
 bool has_photographs(const std::vector<View>& views) {
     for (const View& view : views)
@@ -24,12 +24,12 @@ bool has_photographs(const std::vector<View>& views) {
 
 int texture_side(const MeshOutputOptions& options) {
     if (options.texture == "none") return 0;
-    if (options.texture == "auto") return kMostSide;
+    if (options.texture == "auto") return kMaxSide;
     int side = 0;
-    if (!parse_number(options.texture, side) || side < kLeastSide || side > kMostSide)
+    if (!parse_number(options.texture, side) || side < kMinSide || side > kMaxSide)
         throw Error(ExitCode::usage,
                     str("--texture ", options.texture, ": expected auto, none, or a side of ",
-                        kLeastSide, " to ", kMostSide));
+                        kMinSide, " to ", kMaxSide));
     return side;
 }
 

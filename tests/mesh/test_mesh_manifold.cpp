@@ -18,14 +18,14 @@ using namespace test;
 TEST(Sound, ASoundMeshStaysAsItIs) {
     const TriangleMesh before = welded(ball({0, 0, 0}, 1, 8));
     TriangleMesh mesh = before;
-    const SoundReport report = make_sound(mesh);
+    const ManifoldReport report = make_manifold(mesh);
     EXPECT_EQ(report.dropped_faces + report.split_vertices, 0u);
     ASSERT_EQ(mesh.faces.size(), before.faces.size());
     EXPECT_EQ(
         std::memcmp(mesh.faces.data(), before.faces.data(), mesh.faces.size() * sizeof(Vec3i)), 0);
     EXPECT_EQ(mesh.vertices.size(), before.vertices.size());
     TriangleMesh none;
-    EXPECT_EQ(make_sound(none).dropped_faces, 0u);
+    EXPECT_EQ(make_manifold(none).dropped_faces, 0u);
 }
 
 TEST(Sound, SheetsThatShareAnEdgeGetTheirOwn) {
@@ -39,7 +39,7 @@ TEST(Sound, SheetsThatShareAnEdgeGetTheirOwn) {
     wings.colors.assign(wings.vertices.size(), {0.5f, 0.25f, 1});
     ASSERT_FALSE(topology(wings).sound);
     const double before = area(wings);
-    const SoundReport report = make_sound(wings);
+    const ManifoldReport report = make_manifold(wings);
     EXPECT_EQ(report.dropped_faces, 0u);
     EXPECT_EQ(report.split_vertices, 10u);  // five on the axis, for each of the two other wings
     EXPECT_TRUE(topology(wings).sound);
@@ -57,7 +57,7 @@ TEST(Sound, SheetsThatHangTogetherAtOneEndGetTheirOwn) {
         {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}, {1, 0, 5}}};
     for (const Vec3i f : {Vec3i{0, 2, 3}, {0, 4, 5}, {1, 3, 4}, {1, 5, 2}}) mesh.faces.push_back(f);
     const std::size_t faces = mesh.faces.size();
-    const SoundReport report = make_sound(mesh);
+    const ManifoldReport report = make_manifold(mesh);
     EXPECT_EQ(report.split_vertices, 2u);
     EXPECT_EQ(mesh.faces.size(), faces);
     std::map<std::pair<int, int>, int> edges;
@@ -80,16 +80,16 @@ TEST(Sound, FacesWithoutAreaGo) {
     mesh.vertices.push_back({0, std::numeric_limits<float>::quiet_NaN(), 0});
     mesh.faces.push_back({0, 1, 25});
     mesh.faces.push_back({0, 1, 2});
-    const SoundReport report = make_sound(mesh);
+    const ManifoldReport report = make_manifold(mesh);
     EXPECT_EQ(report.dropped_faces, 6u);
     EXPECT_EQ(mesh.faces.size(), faces - 2);
     const Topology after = topology(mesh);
     EXPECT_TRUE(after.sound);
-    EXPECT_EQ(after.rim_edges, before.rim_edges);
+    EXPECT_EQ(after.boundary_edges, before.boundary_edges);
     EXPECT_EQ(after.euler, before.euler);
     EXPECT_EQ(mesh.vertices.size(), 24u);
     mesh.faces.push_back({0, 1, 24});
-    EXPECT_THROW(make_sound(mesh), Error);
+    EXPECT_THROW(make_manifold(mesh), Error);
 }
 
 const std::vector<Camera> kCameras{look_at_origin({0, 0.01, 5}, 200)};  // a pixel is 0.025 wide

@@ -1,4 +1,4 @@
-#include "mesh/mend/mesh_sound.h"
+#include "mesh/mend/mesh_manifold.h"
 
 #include <algorithm>
 #include <map>
@@ -117,8 +117,8 @@ bool has_area(Vec3f a, Vec3f b, Vec3f c) {
     return norm(cross(ab, ac)) > 1e-12 * longest2;
 }
 
-SoundReport make_sound(TriangleMesh& mesh) {
-    SoundReport report;
+ManifoldReport make_manifold(TriangleMesh& mesh) {
+    ManifoldReport report;
     const std::size_t before = mesh.faces.size();
     drop_flawed_faces(mesh);  // checks the indices, too
     if (weld(mesh)) drop_flawed_faces(mesh);

@@ -12,8 +12,8 @@ namespace tvsgs {
 /// side.
 bool has_area(Vec3f a, Vec3f b, Vec3f c);
 
-/// Repairs of make_sound().
-struct SoundReport {
+/// Repairs of make_manifold().
+struct ManifoldReport {
     std::size_t dropped_faces = 0;   // degenerate, or repeated
     std::size_t split_vertices = 0;  // new vertices where sheets met
     SurfaceEdges edges;              // of the repaired mesh
@@ -23,6 +23,6 @@ struct SoundReport {
 /// corners, without area, or with the corners of an earlier face, then vertices without faces.
 /// Where more than two faces share an edge, each sheet gets its own vertices. A mesh without
 /// defects does not change. Throws Error(ExitCode::input) for an index out of range.
-SoundReport make_sound(TriangleMesh& mesh);
+ManifoldReport make_manifold(TriangleMesh& mesh);
 
 }  // namespace tvsgs
