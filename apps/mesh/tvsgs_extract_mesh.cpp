@@ -5,6 +5,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "io/images/image_file.h"
@@ -56,7 +57,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         ->expected(1)
         ->take_all();
     CLI::Option* quiet = app.add_flag("--quiet", arguments.quiet, "warnings and errors only");
-    app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
+    app.add_flag("-v,--verbose", arguments.verbose, "show every step")->excludes(quiet);
     flags.add_scene("Scene (default: that of the run)");
     const char* group = "Volume";
     flags.add("--method", "mesh.method",
@@ -160,33 +161,31 @@ int command(int argc, char** argv) {
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
     if (arguments.bounded)
-        spdlog::info(
-            "the background, which the run's configuration meshes, is left out, as there is a "
-            "limit; --unbounded keeps it up to there");
+        spdlog::info("Background left out because of the given limit; --unbounded keeps it");
     if (arguments.out.empty()) arguments.out = default_output(arguments.model);
     const std::string splat_path = find_splats(arguments.model);
     std::error_code failure;
     if (fs::equivalent(splat_path, arguments.out, failure))
-        throw Error(ExitCode::usage,
-                    str("--out ", arguments.out, ": is the file of the splats; name another"));
+        throw Error(ExitCode::usage, str("--out ", arguments.out,
+                                         ": is the file of the splats; choose another name"));
     require_mesh_output(arguments.out, options.mesh_output, options.scene);
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
-    spdlog::info("{}: {} splats; {} training views of {}, on {}", splat_path, splats.size(),
-                 scene.train.size(), options.scene.path, device.description);
+    spdlog::info("Input: {} splats of {}, {} training views of {}; {}", grouped(splats.size()),
+                 splat_path, scene.train.size(), options.scene.path, device.description);
 
-    std::string why_empty;
+    MeshSummary summary;
     const TriangleMesh mesh = on_device(device, [&](auto tag) {
         Gaussians<decltype(tag)> gaussians;
         copy(splats, gaussians);
         return extract_mesh(scene.train, gaussians, options.train, options.mesh,
-                            fs::absolute(arguments.out).parent_path().string(), spdlog::level::info,
-                            scene.origin, &why_empty);
+                            fs::absolute(arguments.out).parent_path().string(), scene.origin,
+                            &summary);
     });
     if (mesh.faces.empty())
         throw Error(ExitCode::numerical,
-                    str(arguments.out, ": not written, as the mesh is empty: ", why_empty));
+                    str(arguments.out, ": not written, the mesh is empty: ", summary.why_empty));
     if (mesh_format(arguments.out) == MeshFormat::glb)
         require_glb_room(arguments.out, mesh.vertices.size(), mesh.faces.size(),
                          texture_side(options.mesh_output) > 0);
@@ -194,15 +193,14 @@ int command(int argc, char** argv) {
         texture_of(mesh, scene.train, options.mesh_output, options.mesh.masks, arguments.out);
     write_mesh(arguments.out, mesh, texture,
                file_options(options.mesh_output, scene.train, scene.origin));
-    spdlog::info("{}: {} vertices, {} faces", arguments.out, mesh.vertices.size(),
-                 mesh.faces.size());
+    spdlog::info("{}", summary_text(summary, mesh, texture));
+    spdlog::info("Wrote {}", arguments.out);
     // A picture that may not be ours belongs to the user.
     const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
     const auto listing = folder_with_manifest(picture);
     const bool wanted = !arguments.no_preview && !is_stream(arguments.out);
     if (wanted && fs::exists(picture, failure) && !(listing && is_listed(*listing, picture))) {
-        spdlog::warn("{}: is there already and stays; there is no new picture of the mesh",
-                     picture);
+        spdlog::warn("{} already exists and is not ours: kept, no preview written", picture);
     } else if (wanted) {
         const TriangleMesh none;  // a scene with background is best seen from inside
         write_png(picture,
@@ -210,14 +208,14 @@ int command(int argc, char** argv) {
                                preview_camera(options.mesh.meshes_background() ? none : mesh,
                                               detail::cameras_of(scene.train), 960, 720),
                                texture));
-        spdlog::info("{}: picture of the mesh", picture);
+        spdlog::info("Wrote {} (preview)", picture);
     }
     refresh_report(arguments.out);
     if (fs::is_directory(arguments.model))
-        say_next({"tvsgs-view", arguments.model}, "shows splats, mesh and cameras in a browser");
+        say_next({"tvsgs-view", arguments.model}, "look at splats, mesh and cameras in a browser");
     else
         say_next({"tvsgs-eval", "geometry", "--pred", arguments.out, "--gt", "SURFACE.ply"},
-                 "measures it where the true surface is known");
+                 "measure the mesh against the true surface, if known");
     return 0;
 }
 

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "core/log.h"
 #include "core/scene/mesh.h"
 #include "mesh/fuse/depth_views.h"
 
@@ -30,7 +29,6 @@ struct MesherInputs {
     float near;                       // the backbone draws nothing nearer to a camera's plane
     std::int64_t max_bytes;           // limit of the mesher's memory
     const std::string& spill_folder;  // for temporary files
-    spdlog::level::level_enum level;  // of the mesher's messages
 };
 
 struct ExtractedMesh {

@@ -165,8 +165,7 @@ ViewRun read_run(const std::string& path,
         std::vector<Camera> all;
         for (const ViewCamera& c : cameras) all.push_back(c.camera);
         if (run.mesh_faces > input.max_faces)
-            simplify_and_log(mesh, all, {0, static_cast<int>(input.max_faces)},
-                             spdlog::level::debug);
+            simplify_and_log(mesh, all, {0, static_cast<int>(input.max_faces)});
         run.mesh = std::move(mesh);
     };
     if_possible("a mesh", read_mesh_of_run, input.whole, missing);

@@ -90,7 +90,7 @@ TEST_F(BadEnds, OverwritingRemovesWhatTheRunWroteAndNothingElse) {
     write("over/mesh/mesh.png", "mine");
     const Result mesh = call("extract-mesh", "--model over --device cpu --mesh-resolution 48");
     EXPECT_EQ(mesh.code, 0) << mesh;
-    EXPECT_TRUE(mesh.says("mesh.png: is there already and stays")) << mesh;
+    EXPECT_TRUE(mesh.says("mesh.png already exists and is not ours: kept")) << mesh;
     EXPECT_EQ(contents(folder_ / "over/mesh/mesh.png"), "mine");
     fs::remove(folder_ / "over/mesh/mesh.glb");
     write("over/mesh/other.ply", "mine");
@@ -201,7 +201,7 @@ TEST_F(BadEnds, AMeshWithoutFacesIsNoResult) {
                               "--model run --device cpu --mesh-resolution 48 --alpha-min 1 --out "
                               "empty.ply");
     EXPECT_EQ(empty.code, 7) << empty;
-    EXPECT_TRUE(empty.says("of too little coverage")) << empty;
+    EXPECT_TRUE(empty.says("with coverage below 1")) << empty;
     EXPECT_FALSE(fs::exists(folder_ / "empty.ply"));
 }
 

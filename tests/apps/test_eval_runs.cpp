@@ -110,7 +110,7 @@ TEST_F(EvalRuns, TheMeshIsMeasuredOverTime) {
 
 TEST_F(EvalRuns, TheSameMeshWithinTenTimesLessMemory) {
     const std::string extract =
-        "--model table --device cpu --no-preview --set mesh.resolution=300 ";
+        "--model table --device cpu --no-preview -v --set mesh.resolution=300 ";
     const Result whole = call("extract-mesh", extract + "--out whole.ply");
     ASSERT_EQ(whole.code, 0) << whole;
     const std::size_t at = whole.err.find(" blocks of 8^3");
@@ -119,7 +119,7 @@ TEST_F(EvalRuns, TheSameMeshWithinTenTimesLessMemory) {
     const std::string memory = std::to_string(static_cast<long>(blocks * 16384 / 10));
     const Result parts = call("extract-mesh", extract + "--out parts/mesh.ply --memory " + memory);
     ASSERT_EQ(parts.code, 0) << parts;
-    EXPECT_TRUE(parts.says("parts to keep within --memory")) << parts;
+    EXPECT_TRUE(parts.says("parts to stay within --memory")) << parts;
     EXPECT_TRUE(contents(folder_ / "whole.ply") == contents(folder_ / "parts/mesh.ply"));
     EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "parts"), {}), 1) << "the mesh alone";
     const Result tiny = call("extract-mesh", extract + "--out tiny/mesh.ply --memory 50K");

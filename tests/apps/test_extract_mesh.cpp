@@ -61,7 +61,7 @@ protected:
     static Result extract(const std::string& flags, const std::string& out = "mesh.ply") {
         fs::remove(folder_ / out);
         return run_tool(folder_, "extract-mesh",
-                        "--model splats.ply --scene scene --device cpu --no-masks --out " + out +
+                        "--model splats.ply --scene scene --device cpu --no-masks -v --out " + out +
                             " " + flags +
                             (flags.find("--error") == std::string::npos ? " --error 0" : ""));
     }
@@ -84,7 +84,7 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
 
     const Result unbounded = extract(fine + "--unbounded");
     ASSERT_EQ(unbounded.code, 0) << unbounded;
-    EXPECT_TRUE(unbounded.says("unbounded: voxels grow from 4.5 ")) << unbounded;
+    EXPECT_TRUE(unbounded.says("Unbounded: voxels grow beyond 4.5 ")) << unbounded;
     EXPECT_TRUE(fs::exists(folder_ / "mesh.png"));
     // The cameras are at distance 4.5 from the focus: voxels of 0.045 are (100 / 4.5)^2 times as
     // long at the dome.
@@ -106,13 +106,13 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
         const Result limited = extract(fine + "--no-preview --unbounded " + limit, "limited.ply");
         ASSERT_EQ(limited.code, 0) << limited;
         EXPECT_LT(radii("limited.ply").back(), 1) << limit;
-        EXPECT_TRUE(limited.says("voxels of 0.045, ")) << limited;
+        EXPECT_TRUE(limited.says("Voxel size 0.045, ")) << limited;
     }
     // Reports depths beyond the contracted space.
     const Result coarse =
         extract("--mesh-resolution 100 --set mesh.truncation_voxels=5 --no-preview --unbounded");
     ASSERT_EQ(coarse.code, 0) << coarse;
-    EXPECT_TRUE(coarse.says("pixels dropped: at or beyond 45 from the middle")) << coarse;
+    EXPECT_TRUE(coarse.says(" at 45 units or more from the object")) << coarse;
     EXPECT_LT(radii().back(), 1);
 }
 
@@ -120,18 +120,18 @@ TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
     const std::string flags = "--no-preview --set mesh.voxel_scale=";
     const Result fine = extract(flags + "1");
     ASSERT_EQ(fine.code, 0) << fine;
-    EXPECT_TRUE(fine.says("voxels of 0.05882, truncation 0.2353,")) << fine;
+    EXPECT_TRUE(fine.says("Voxel size 0.05882, truncation 0.2353,")) << fine;
     const double vertices = static_cast<double>(radii().size());
     const Result coarse = extract(flags + "1.5");
     ASSERT_EQ(coarse.code, 0) << coarse;
-    EXPECT_TRUE(coarse.says("voxels of 0.08824, truncation 0.2353,")) << coarse;
+    EXPECT_TRUE(coarse.says("Voxel size 0.08824, truncation 0.2353,")) << coarse;
     // By area, except at the boundaries of the visible parts.
     EXPECT_NEAR(static_cast<double>(radii().size()) / vertices, 1 / (1.5 * 1.5), 0.07);
     EXPECT_EQ(extract(flags + "2.1").code, 2) << "less than two voxels of truncation";
     for (const std::string given : {" --mesh-resolution 150", " --voxel-size 0.06"}) {
         const Result r = extract(flags + "1.5" + given);
-        EXPECT_TRUE(r.says("voxels of 0.06, truncation 0.24,")) << r;
-        EXPECT_TRUE(r.says("mesh.voxel_scale=1.5 does nothing")) << r;
+        EXPECT_TRUE(r.says("Voxel size 0.06, truncation 0.24,")) << r;
+        EXPECT_TRUE(r.says("mesh.voxel_scale=1.5 has no effect")) << r;
     }
 }
 
@@ -144,12 +144,11 @@ TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
         const Result r = run_tool(folder_, "extract-mesh",
                                   "--model planned --scene scene --device cpu --no-masks --error 0 "
                                   "--no-preview --mesh-resolution 100 --truncation 0.3 --out "
-                                  "planned.ply " +
+                                  "planned.ply -v " +
                                       flags);
         EXPECT_EQ(r.code, 0) << flags << ": " << r;
-        EXPECT_EQ(r.says("is left out, as there is a limit"), !r.says("unbounded: voxels grow"))
-            << r;
-        return r.says("unbounded: voxels grow");
+        EXPECT_EQ(r.says("Background left out"), !r.says("Unbounded: voxels grow")) << r;
+        return r.says("Unbounded: voxels grow");
     };
     EXPECT_TRUE(says_unbounded(""));
     for (const std::string limit : {"--depth-max 50", "--bbox=-2,-2,-2,2,2,2"}) {
@@ -158,8 +157,6 @@ TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
     }
 }
 
-/// All formats of one mesh have the same scores, with the rotation of a GLB and its copied vertices
-/// at seams or without.
 TEST_F(ExtractMesh, OneViewIsTrustedBesideJumpsUpToALimit) {
     const std::string flags = "--mesh-resolution 120 --truncation 0.25 --no-preview --set ";
     std::size_t vertices = 0;
@@ -171,13 +168,15 @@ TEST_F(ExtractMesh, OneViewIsTrustedBesideJumpsUpToALimit) {
     }
 }
 
+/// All formats of one mesh have the same scores, with the rotation of a GLB and its copied vertices
+/// at seams or without.
 TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     std::string expected;
     for (const std::string out : {"same.ply", "same.glb", "same.obj"}) {
         const Result mesh =
             extract("--mesh-resolution 120 --truncation 0.25 --texture-format png", out);
         ASSERT_EQ(mesh.code, 0) << mesh;
-        EXPECT_EQ(mesh.says("info: texture of "), out != "same.ply") << mesh;
+        EXPECT_EQ(mesh.says("Texture 256x256: "), out != "same.ply") << mesh;
         const Result score =
             run_tool(folder_, "eval",
                      "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply --pred " + out);
@@ -203,7 +202,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     const Result plain =
         extract("--mesh-resolution 120 --truncation 0.25 --texture none --keep-axes", "plain.glb");
     ASSERT_EQ(plain.code, 0) << plain;
-    EXPECT_FALSE(plain.says("info: texture of ")) << plain;
+    EXPECT_FALSE(plain.says("Texture ")) << plain;
     const std::string bytes = contents(folder_ / "plain.glb");
     EXPECT_NE(bytes.find("COLOR_0"), std::string::npos);
     EXPECT_EQ(bytes.find("\"matrix\""), std::string::npos);
@@ -216,16 +215,16 @@ TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
     const std::size_t all = radii().size();
     const Result bound = extract(flags + "--error 0.5");
     ASSERT_EQ(bound.code, 0) << bound;
-    EXPECT_TRUE(bound.says("info: simplified: ")) << bound;
+    EXPECT_TRUE(bound.says("debug: Simplified ")) << bound;
     EXPECT_LT(radii().size(), all / 4);
     EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and the error before
     const Result number = extract(flags + "--error 0 --faces 400");
     ASSERT_EQ(number.code, 0) << number;
     EXPECT_LE(read_ply_geometry((folder_ / "mesh.ply").string()).faces.size(), 400u);
-    EXPECT_FALSE(number.says("fewer would tear it")) << number;
+    EXPECT_FALSE(number.says("fewer faces would tear or fold it")) << number;
     const Result too_few = extract(flags + "--error 0 --faces 3");  // the ball has holes
     ASSERT_EQ(too_few.code, 0) << too_few;
-    EXPECT_TRUE(too_few.says("fewer would tear it")) << too_few;
+    EXPECT_TRUE(too_few.says("fewer faces would tear or fold it")) << too_few;
 }
 
 TEST_F(ExtractMesh, UnboundedWithinABudget) {
@@ -235,7 +234,7 @@ TEST_F(ExtractMesh, UnboundedWithinABudget) {
     ASSERT_EQ(whole.code, 0) << whole;
     const Result parts = extract(flags + "--memory 4M", "parts.ply");
     ASSERT_EQ(parts.code, 0) << parts;
-    EXPECT_TRUE(parts.says("parts to keep within --memory")) << parts;
+    EXPECT_TRUE(parts.says("parts to stay within --memory")) << parts;
     EXPECT_GT(contents(folder_ / "whole.ply").size(), 100000u);
     EXPECT_TRUE(contents(folder_ / "whole.ply") == contents(folder_ / "parts.ply"));
 }
@@ -268,7 +267,7 @@ TEST_F(ExtractMesh, Tetrahedra) {
 
     const Result small = extract(flags + "--memory 4M");
     ASSERT_EQ(small.code, 0) << small;
-    EXPECT_TRUE(small.says("to keep within --memory")) << small;
+    EXPECT_TRUE(small.says("to stay within --memory")) << small;
     EXPECT_NEAR(radii().front(), kBall, 0.06);
 }
 
@@ -296,7 +295,7 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
             ASSERT_EQ(r.code, 0) << more << r;
             const PlyGeometry mesh = read_mesh_geometry((folder_ / out).string());
             EXPECT_EQ(loose_edges(mesh), 0u) << more << out;
-            EXPECT_EQ(r.says("info: texture of "), out != "closed.ply") << r;
+            EXPECT_EQ(r.says("Texture "), out != "closed.ply") << r;
             if (more.empty()) all = mesh.faces.size();
             EXPECT_TRUE(more != "--error 0.5" || mesh.faces.size() < all / 2);
             EXPECT_TRUE(!more.starts_with("--faces") || mesh.faces.size() <= 300);
@@ -314,13 +313,29 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
     EXPECT_NE(bytes.find("property uchar views"), std::string::npos);
 }
 
+TEST_F(ExtractMesh, MessagesFitOnOneScreen) {
+    const auto lines = [&](const std::string& flags) {
+        const Result r = run_tool(folder_, "extract-mesh",
+                                  "--model splats.ply --scene scene --device cpu --no-masks "
+                                  "--mesh-resolution 120 --truncation 0.25 --out few.glb" +
+                                      flags);
+        EXPECT_EQ(r.code, 0) << r;
+        for (const char* text : {"info: Input: 6,000 splats of splats.ply, ", "info: Mesh: ",
+                                 "info: Wrote few.glb\ninfo: Wrote few.png (preview)\n"})
+            EXPECT_TRUE(r.says(text)) << r;
+        return std::count(r.err.begin(), r.err.end(), '\n');
+    };
+    EXPECT_LE(lines(""), 8);
+    EXPECT_GT(lines(" -v"), 12);
+}
+
 TEST_F(ExtractMesh, StandardOutputThatIsAFileGetsThePly) {
     const Result r = run_tool(
         folder_, "extract-mesh",
         "--model splats.ply --scene scene --device cpu --no-masks --error 0 --out /dev/stdout");
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(r.out.starts_with("ply\n")) << r.out.substr(0, 20);
-    EXPECT_TRUE(r.says("info: /dev/stdout: ")) << r;
+    EXPECT_TRUE(r.says("info: Wrote /dev/stdout\n")) << r;
     EXPECT_FALSE(r.says(".png")) << "no picture in /dev: " << r;
 }
 
@@ -350,10 +365,10 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
         EXPECT_TRUE(r.says(says)) << flags << ": " << r;
         EXPECT_FALSE(fs::exists(folder_ / "refused.ply")) << flags;
     };
-    expect_refused("--weight cos --min-weight 2", 2, "give --weight unit");
+    expect_refused("--weight cos --min-weight 2", 2, "needs --weight unit");
     expect_refused("--weight depth", 2, "inv-depth2");
     expect_refused("--set mesh.max_scale_px=1e-6", 7, "are larger than 1e-06 pixels");
-    expect_refused("--texture 4096", 2, "would be a PLY, which has none");
+    expect_refused("--texture 4096", 2, "would be a PLY, which has no texture");
     expect_refused("--texture big", 2, "expected auto, none, or a side of 256 to 8192");
     expect_refused("--texture-format tga", 2, "jpg, png, webp");
     ::setenv("TVSGS_MESH__NOSUCH", "1", 1);
@@ -370,10 +385,10 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
         "--method tsfd", 2,
         "mesh.method = 'tsfd': expected one of tsdf, tetrahedra, watertight; did you mean 'tsdf'?");
     expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");
-    expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "lies in the image of a view");
+    expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "is in the image of a view");
     expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
     expect_refused("--method watertight --memory 2K", 4, "raise --memory");
-    expect_refused("--method watertight --bbox=5,5,5,6,6,6", 7, "none of the depth pixels passed");
+    expect_refused("--method watertight --bbox=5,5,5,6,6,6", 7, "all depth pixels were dropped");
     expect_refused("--method watertight --memory 100K", 4, "raise --memory");
     expect_refused("--method watertight --voxel-size 1e-9", 3, "too far out for voxels of 1e-09");
     expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");

@@ -335,18 +335,24 @@ TEST(Components, SayWhyNothingIsLeft) {
     views[0] = view_of(floating, kEyes[0]);
     TriangleMesh mesh = floating;
     MeshOptions options;
-    const std::string why =
-        detail::clean_mesh(mesh, options, source_of(views), spdlog::level::debug);
+    MeshSummary summary;
+    const std::string why = detail::clean_mesh(mesh, options, source_of(views), summary);
     EXPECT_TRUE(mesh.faces.empty());
-    EXPECT_NE(why.find("1 that a view looks through"), std::string::npos) << why;
+    EXPECT_NE(why.find("1 looked through by a view"), std::string::npos) << why;
     EXPECT_NE(why.find("mesh.evidence=false"), std::string::npos) << why;
+    EXPECT_EQ(summary.components, 0u);
+    EXPECT_EQ(summary.removed_components, 1u);
+    EXPECT_EQ(summary.small_components, 0u);
+    summary = {};
     mesh = floating;
     options.evidence = false, options.clusters = 1;
-    EXPECT_EQ(detail::clean_mesh(mesh, options, source_of(views), spdlog::level::debug), "");
+    EXPECT_EQ(detail::clean_mesh(mesh, options, source_of(views), summary), "");
+    EXPECT_EQ(summary.components, 1u);
+    EXPECT_EQ(summary.removed_components, 0u);
     EXPECT_EQ(mesh.faces.size(), floating.faces.size());
     TriangleMesh none;
     options.evidence = true, options.clusters = 0;
-    EXPECT_EQ(detail::clean_mesh(none, options, source_of(views), spdlog::level::debug), "")
+    EXPECT_EQ(detail::clean_mesh(none, options, source_of(views), summary), "")
         << "the mesher has said why";
 }
 

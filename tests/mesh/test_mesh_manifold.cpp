@@ -102,7 +102,7 @@ TEST(Mending, IsTheOptionsChoice) {
         TriangleMesh mesh = scene;
         MeshOptions options;
         options.holes = holes, options.smooth = 0;
-        detail::mend_mesh(mesh, kCameras, options, source_of(views), spdlog::level::debug);
+        detail::mend_mesh(mesh, kCameras, options, source_of(views));
         return mesh;
     };
     const TriangleMesh none = mended(0);
@@ -113,7 +113,7 @@ TEST(Mending, IsTheOptionsChoice) {
     EXPECT_EQ(topology(scene).euler, 0);
     EXPECT_EQ(topology(mended(10)).euler, 1);
     TriangleMesh empty;
-    detail::mend_mesh(empty, kCameras, {}, {}, spdlog::level::debug);
+    detail::mend_mesh(empty, kCameras, {}, {});
     EXPECT_TRUE(empty.faces.empty());
 }
 
@@ -124,7 +124,7 @@ TEST(Mending, SmoothsUnlessToldNotTo) {
         TriangleMesh mesh = rough;
         MeshOptions options;
         options.holes = 0, options.smooth = smooth;
-        detail::mend_mesh(mesh, kCameras, options, {}, spdlog::level::debug);
+        detail::mend_mesh(mesh, kCameras, options, {});
         EXPECT_EQ(mesh.faces.size(), rough.faces.size());
         std::size_t count = 0;
         for (std::size_t v = 0; v < mesh.vertices.size(); ++v)

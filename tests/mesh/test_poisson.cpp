@@ -301,7 +301,7 @@ TEST(Poisson, KeepsToTheBytesOrSaysSo) {
         FAIL();
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::memory);
-        EXPECT_NE(std::string(error.what()).find("and 1000 are there; raise --memory"),
+        EXPECT_NE(std::string(error.what()).find("1000 are available; raise --memory"),
                   std::string::npos)
             << error.what();
     }

@@ -205,8 +205,7 @@ ExtractedMesh extract(const Gaussians<Cpu>& gaussians,
     DepthViews<Device> depth(views, g, *backbone, rules, true);
     TetrahedraMesher<Device> mesher(options);
     const MeshRegion region{false, {}, 3};
-    return mesher.extract(
-        {views, g, *backbone, depth, region, 0.2f, max_bytes, "", spdlog::level::trace});
+    return mesher.extract({views, g, *backbone, depth, region, 0.2f, max_bytes, ""});
 }
 
 void expect_sphere(const TriangleMesh& mesh, double size, double bound) {

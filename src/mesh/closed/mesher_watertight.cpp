@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/device/parallel.h"
+#include "core/log.h"
 #include "core/math/point_tree.h"
 #include "mesh/fuse/device_algorithms.h"
 
@@ -16,27 +17,24 @@ std::int64_t bytes_for_closing(std::int64_t max_bytes) {
 
 ExtractedMesh close_surface(const ViewPoints& points,
                             const EvidenceSource& evidence,
-                            std::int64_t max_bytes,
-                            spdlog::level::level_enum level) {
+                            std::int64_t max_bytes) {
     ExtractedMesh found;
     const OrientedPoints oriented = points.oriented();
     if (oriented.size() == 0) {
-        found.why_empty =
-            "no view is sure of a surface that no other looks through; are the splats opaque?";
+        found.why_empty = "no view has trusted pixels on a surface; are the splats opaque?";
         return found;
     }
     const PoissonField field = solve_poisson(oriented, evidence, {points.cell(), max_bytes});
-    spdlog::log(level,
-                "{} points, {} alone, {} left out as views look through them; nodes {:.4g} apart "
-                "at the finest of {} levels, {:.1f} MiB",
-                oriented.size(), field.isolated, points.dropped(), field.finest().spacing,
-                field.levels.size(), static_cast<double>(field.bytes) / (1 << 20));
+    spdlog::debug(
+        "Watertight: {} points ({} isolated; {} dropped because views look through them); finest "
+        "nodes {:.4g} apart, {} levels, {:.1f} MiB",
+        oriented.size(), field.isolated, points.dropped(), field.finest().spacing,
+        field.levels.size(), static_cast<double>(field.bytes) / (1 << 20));
     found.mesh = poisson_surface(field, max_bytes);
     if (found.mesh.faces.empty()) {
         found.why_empty =
-            str("the ", oriented.size(),
-                " points that views are sure of close no surface; give more views, or "
-                "an open surface (--method tsdf)");
+            str(oriented.size(),
+                " trusted points enclose no solid; use more views, or --method tsdf");
         return found;
     }
     const std::vector<Vec3f> colors = points.colors();

@@ -20,8 +20,7 @@ std::int64_t bytes_for_closing(std::int64_t max_bytes);
 /// Reconstructs the closed surface of `points`, with vertex colours.
 ExtractedMesh close_surface(const ViewPoints& points,
                             const EvidenceSource& evidence,
-                            std::int64_t max_bytes,
-                            spdlog::level::level_enum level);
+                            std::int64_t max_bytes);
 
 }  // namespace detail
 
@@ -41,19 +40,19 @@ public:
         const std::int64_t max_bytes = detail::bytes_for_closing(in.max_bytes);
         ViewPoints points(
             voxel_size(given_size_, resolution_, in.depth.rules().depth_max, in.views));
-        Progress progress("depth of the views", in.depth.size());
+        Progress progress("depth maps", in.depth.size());
         for (int i = 0; i < in.depth.size(); ++i, progress.advance()) {
             const DepthView<Device> view = in.depth.view(i);
             points.add({view.camera, to_host(view.depth), to_host(view.color), to_host(view.weight),
                         to_host(view.normal)});
             points.fit(max_bytes);
         }
-        in.depth.log_pixel_counts(in.level);
+        in.depth.log_pixel_counts();
         ExtractedMesh found;
         found.why_empty = in.depth.why_none_passed();
         if (!found.why_empty.empty()) return found;
         points.drop_looked_through(evidence);
-        return detail::close_surface(points, evidence, max_bytes, in.level);
+        return detail::close_surface(points, evidence, max_bytes);
     }
 
 private:

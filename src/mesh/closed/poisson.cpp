@@ -22,8 +22,7 @@ PoissonBox box_around(const OrientedPoints& points) {
     PoissonBox box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (!is_finite(points.positions[i]) || !is_finite(points.normals[i]))
-            throw Error(ExitCode::input,
-                        str("point ", i, " of ", points.size(), " to be closed is not finite"));
+            throw Error(ExitCode::input, str("point ", i, " of ", points.size(), " is not finite"));
         for (int axis = 0; axis < 3; ++axis) {
             const auto x = static_cast<double>(points.positions[i][axis]);
             box.low[axis] = std::min(box.low[axis], x);
@@ -33,7 +32,7 @@ PoissonBox box_around(const OrientedPoints& points) {
     const double margin = kMargin * box.side();
     if (!(margin > 0))
         throw Error(ExitCode::input,
-                    str(points.size(), " points in one place have no surface to be closed"));
+                    str("all ", points.size(), " points are in one place: no surface"));
     box.low -= {margin, margin, margin}, box.high += {margin, margin, margin};
     return box;
 }
@@ -47,7 +46,7 @@ std::vector<float> spacings_of(const PoissonBox& box, float finest) {
     if (!(finest > 0 && farthest < kMaxNodes * static_cast<double>(finest)))
         throw Error(ExitCode::input,
                     str("points up to ", farthest, " from the origin are too far out for nodes ",
-                        finest, " apart; raise --voxel-size, or lower --depth-max"));
+                        finest, " apart; raise --voxel-size or lower --depth-max"));
     std::vector<float> spacings{finest};
     while (box.side() > kCoarsestNodes * static_cast<double>(spacings.front()))
         spacings.insert(spacings.begin(), 2 * spacings.front());
@@ -102,10 +101,9 @@ PoissonField solve_poisson(const OrientedPoints& points,
     std::vector<Keys> keys;
     for (;; spacings.pop_back()) {
         if (spacings.empty())
-            throw Error(
-                ExitCode::memory,
-                str("a closed surface of ", points.size(), " points takes ", field.bytes,
-                    " bytes at least, and ", options.max_bytes, " are there; raise --memory"));
+            throw Error(ExitCode::memory, str("a closed surface of ", points.size(),
+                                              " points needs at least ", field.bytes, " bytes; ",
+                                              options.max_bytes, " are available; raise --memory"));
         keys = choose_blocks(points, densities, box, spacings);
         field.bytes = bytes_of(keys, points.size());
         const bool fits = options.max_bytes <= 0 || field.bytes <= options.max_bytes;

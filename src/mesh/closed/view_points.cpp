@@ -28,10 +28,9 @@ std::uint64_t ViewPoints::key(Vec3f position, Vec3f normal) const {
         const double cell =
             std::floor(static_cast<double>(position[axis]) / static_cast<double>(cell_)) + kHalf;
         if (!(cell >= 0 && cell < 2 * kHalf))
-            throw Error(ExitCode::input,
-                        str("a pixel shows a surface at (", position.x, ", ", position.y, ", ",
-                            position.z, "), too far out for voxels of ", cell_,
-                            "; lower --depth-max or raise --voxel-size"));
+            throw Error(ExitCode::input, str("a surface point at (", position.x, ", ", position.y,
+                                             ", ", position.z, ") is too far out for voxels of ",
+                                             cell_, "; lower --depth-max or raise --voxel-size"));
         key = key << kCellBits | static_cast<std::uint64_t>(cell);
     }
     const int octant = (normal.x > 0) | (normal.y > 0) << 1 | (normal.z > 0) << 2;
@@ -78,10 +77,10 @@ void ViewPoints::add(const PointView& view) {
 void ViewPoints::fit(std::int64_t max_bytes) {
     while (2 * kBytesOfPoint * static_cast<std::int64_t>(points_.size()) > max_bytes) {
         if (std::int64_t(points_.size()) <= kMinPoints)
-            throw Error(ExitCode::memory,
-                        str("a closed surface takes ", 2 * kBytesOfPoint * kMinPoints,
-                            " bytes at least for its points, and ", max_bytes,
-                            " are there; raise --memory"));
+            throw Error(
+                ExitCode::memory,
+                str("a closed surface needs at least ", 2 * kBytesOfPoint * kMinPoints,
+                    " bytes for its points; ", max_bytes, " are available; raise --memory"));
         cell_ *= 2;
         std::vector<Point> points = std::exchange(points_, {});
         for (Point& p : points) p.key = key(p.position, p.normal);

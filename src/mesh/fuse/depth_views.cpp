@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/grouped.h"
+#include "core/log.h"
 
 namespace tvsgs {
 
@@ -22,46 +24,43 @@ std::string limit_text(const DepthRules& rules) {
                : "any";
 }
 
+namespace {
+
+/// "12 without a surface, 3 outside of the masks": the dropped pixels by reason.
+std::string dropped_pixels(const DepthCounts& counts, const DepthRules& rules) {
+    std::string text;
+    const auto add = [&](std::int64_t pixels, const auto&... reason) {
+        if (pixels > 0) text += str(text.empty() ? "" : ", ", grouped(pixels), " ", reason...);
+    };
+    add(counts.not_finite, "not finite");
+    add(counts.no_surface, "without a surface");
+    add(counts.too_far, "at depth ", rules.depth_max, " or more");
+    add(counts.transparent, "with coverage below ", rules.alpha_min);
+    add(counts.masked, "outside of the masks");
+    add(counts.grazing, "at too flat an angle");
+    add(counts.outside, "outside of --bbox");
+    add(counts.out_of_reach, "at ", rules.reach, " units or more from the object");
+    return text;
+}
+
+}  // namespace
+
 namespace detail {
 
-void log_pixel_counts(const DepthCounts& counts,
-                      const DepthRules& rules,
-                      spdlog::level::level_enum level) {
-    const auto line = [&](const char* what, std::int64_t count) {
-        if (count > 0) spdlog::log(level, "  {:>12} pixels dropped: {}", count, what);
-    };
-    spdlog::log(level, "  {:>12} pixels fused", counts.kept);
-    line("depth not finite", counts.not_finite);
-    line("no surface", counts.no_surface);
-    line(str("depth at or beyond ", rules.depth_max).c_str(), counts.too_far);
-    line(str("coverage below ", rules.alpha_min).c_str(), counts.transparent);
-    line("outside of the mask", counts.masked);
-    line("seen at too flat an angle", counts.grazing);
-    line("outside of --bbox", counts.outside);
-    line(str("at or beyond ", rules.reach, " from the middle").c_str(), counts.out_of_reach);
+void log_pixel_counts(const DepthCounts& counts, const DepthRules& rules) {
+    const std::string dropped = dropped_pixels(counts, rules);
+    spdlog::debug("Depth pixels: {} fused{}", grouped(counts.kept),
+                  dropped.empty() ? "" : "; dropped: " + dropped);
 }
 
 std::string why_none_passed(const DepthCounts& counts,
                             const DepthRules& rules,
                             double median_depth) {
     if (counts.kept > 0) return {};
-    std::string dropped;
-    const auto count = [&](const char* what, std::int64_t pixels) {
-        if (pixels > 0) dropped += str(dropped.empty() ? "" : ", ", pixels, " ", what);
-    };
-    count("not finite", counts.not_finite);
-    count("without a surface", counts.no_surface);
-    count("too far", counts.too_far);
-    count("of too little coverage", counts.transparent);
-    count("outside of the masks", counts.masked);
-    count("seen at too flat an angle", counts.grazing);
-    count("outside of --bbox", counts.outside);
-    count("too far from the middle", counts.out_of_reach);
     return fmt::format(
-        "none of the depth pixels passed: {} (depths below {} pass; the median depth of the last "
-        "view is {:.4g}); raise --depth-max, lower --alpha-min, or look at the masks (--no-masks) "
-        "and --bbox",
-        dropped, limit_text(rules), median_depth);
+        "all depth pixels were dropped: {} (the median depth of the last view is {:.4g}); raise "
+        "--depth-max, lower --alpha-min, or check the masks (--no-masks) and --bbox",
+        dropped_pixels(counts, rules), median_depth);
 }
 
 }  // namespace detail

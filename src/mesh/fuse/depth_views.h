@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/log.h"
 #include "core/scene/scene.h"
 #include "mesh/fuse/depth_clean.h"
 #include "mesh/fuse/depth_view.h"
@@ -21,9 +20,7 @@ std::string limit_text(const DepthRules& rules);
 
 namespace detail {
 
-void log_pixel_counts(const DepthCounts& counts,
-                      const DepthRules& rules,
-                      spdlog::level::level_enum level);
+void log_pixel_counts(const DepthCounts& counts, const DepthRules& rules);
 std::string why_none_passed(const DepthCounts& counts,
                             const DepthRules& rules,
                             double median_depth);
@@ -83,10 +80,8 @@ public:
     /// Pixel counts of a rendered view.
     const DepthCounts& counts(int i) const { return counts_[static_cast<std::size_t>(i)]; }
 
-    /// Logs at `level` why pixels were dropped.
-    void log_pixel_counts(spdlog::level::level_enum level) const {
-        detail::log_pixel_counts(total(), rules_, level);
-    }
+    /// Logs how many pixels were dropped, and why.
+    void log_pixel_counts() const { detail::log_pixel_counts(total(), rules_); }
 
     /// Why no pixel passed the rules; empty if one did.
     std::string why_none_passed() const {

@@ -18,7 +18,7 @@ MeshPart marching_cubes_part(const VoxelBlocks<Cpu>& blocks,
 void throw_mesh_too_large(std::uint64_t vertices, std::uint64_t faces) {
     throw Error(ExitCode::memory,
                 str("the mesh has ", vertices, " vertices and ", faces,
-                    " faces, more than a PLY file's indices can number; raise --voxel-size"));
+                    " faces, too many for the indices of a PLY file; raise --voxel-size"));
 }
 
 }  // namespace tvsgs

@@ -36,10 +36,8 @@ bool PartPlanner::next(BlockPart& part) {
     }
     if (end == begin_)
         throw Error(ExitCode::memory,
-                    str("fusion in parts needs room for a block of ", kBlockEdge,
-                        "^3 voxels and those around it, up to 27 blocks, but the budget is enough "
-                        "for ",
-                        capacity_, "; raise --memory"));
+                    str("fusion needs memory for 27 blocks of ", kBlockEdge,
+                        "^3 voxels; the limit allows ", capacity_, "; raise --memory"));
     std::sort(places_.begin(), places_.end());
     part.first = static_cast<int>(std::lower_bound(places_.begin(), places_.end(), begin_) -
                                   places_.begin());

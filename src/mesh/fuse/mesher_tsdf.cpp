@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/log.h"
 #include "mesh/fuse/voxel_size.h"
 
 namespace tvsgs::detail {
@@ -10,16 +11,14 @@ namespace tvsgs::detail {
 void check_tsdf_options(const TsdfMesherOptions& options) {
     if (options.min_weight > 1 && options.weight != DepthWeighting::unit)
         throw Error(ExitCode::usage,
-                    str("mesh.min_weight=", options.min_weight,
-                        " counts views, which --weight does not: give --weight unit, or "
-                        "--min-weight 1"));
+                    str("--min-weight ", options.min_weight,
+                        " counts views, so it needs --weight unit; pass that, or --min-weight 1"));
 }
 
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         const std::vector<View>& views,
                         const MeshRegion& region,
                         std::int64_t max_bytes,
-                        spdlog::level::level_enum level,
                         DepthRules& rules) {
     rules.weighting = options.weight;
     TsdfOptions volume;
@@ -29,7 +28,7 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     rules.trust = volume.trust;
     rules.jump_px = options.lone_jump_px;
     if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
-        spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
+        spdlog::debug("Surface that a single view sees is kept, because mesh.weight is not unit");
     const auto size = [&](float pixels) {
         return voxel_size(options.voxel_size, options.resolution,
                           region.unbounded ? 2 * region.radius : rules.depth_max, views, pixels);
@@ -40,19 +39,18 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                             ? options.truncation
                             : std::max(options.truncation_voxels * fine, volume.voxel_size);
     if (options.voxel_scale > 1 && (options.voxel_size > 0 || options.resolution > 0))
-        spdlog::log(level, "mesh.voxel_scale={} does nothing, as the size of voxels is given",
-                    options.voxel_scale);
+        spdlog::debug("mesh.voxel_scale={} has no effect, because the voxel size is given",
+                      options.voxel_scale);
     volume.max_bytes = max_bytes;
-    spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {}", volume.voxel_size,
-                volume.truncation, limit_text(rules));
+    spdlog::debug("Voxel size {:.4g}, truncation {:.4g}, depth limit {}", volume.voxel_size,
+                  volume.truncation, limit_text(rules));
     if (region.unbounded) {
         volume.contraction = {region.centre, region.radius};
         rules.centre = volume.contraction.centre;
         rules.reach = volume.contraction.reach(volume.truncation);
-        spdlog::log(level,
-                    "unbounded: voxels grow from {:.4g} around what the cameras look at, and end "
-                    "{:.4g} away",
-                    region.radius, rules.reach);
+        spdlog::debug(
+            "Unbounded: voxels grow beyond {:.4g} units from the object and end at {:.4g} units",
+            region.radius, rules.reach);
     }
     return volume;
 }
@@ -69,20 +67,19 @@ void check_truncation(const Camera& camera, std::vector<float> depths, const Tsd
     const double pixel =
         median_depth(std::move(depths)) / static_cast<double>(std::max(camera.fx_px, camera.fy_px));
     if (2 * static_cast<double>(volume.truncation) >= pixel) return;
-    throw Error(ExitCode::usage, str("voxels of ", volume.voxel_size, " with a truncation of ",
-                                     volume.truncation, ": the pixels lie ", pixel,
-                                     " apart on the surface, so it would have gaps; give "
-                                     "a --voxel-size of about ",
-                                     pixel, ", or a --truncation of at least ", pixel));
+    throw Error(ExitCode::usage,
+                str("voxel size ", volume.voxel_size, " and truncation ", volume.truncation,
+                    " are too small: pixels are ", pixel,
+                    " apart on the surface, so it would have gaps; pass --voxel-size ", pixel,
+                    ", or --truncation ", pixel, " or more"));
 }
 
-void log_volume(const FusionReport& fusion, spdlog::level::level_enum level) {
-    spdlog::log(level, "{} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
-                static_cast<double>(fusion.bytes) / (1 << 20));
+void log_volume(const FusionReport& fusion) {
+    spdlog::debug("Fused {} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
+                  static_cast<double>(fusion.bytes) / (1 << 20));
     if (fusion.parts > 1)
-        spdlog::log(level,
-                    "fused in {} parts to keep within --memory; {:.1f} MiB were kept on disk",
-                    fusion.parts, static_cast<double>(fusion.spilled_bytes) / (1 << 20));
+        spdlog::debug("Fused in {} parts to stay within --memory; {:.1f} MiB stored on disk",
+                      fusion.parts, static_cast<double>(fusion.spilled_bytes) / (1 << 20));
 }
 
 }  // namespace tvsgs::detail

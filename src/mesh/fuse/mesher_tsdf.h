@@ -54,17 +54,15 @@ namespace detail {
 /// Throws Error(ExitCode::usage) for options that contradict each other.
 void check_tsdf_options(const TsdfMesherOptions& options);
 
-/// The volume for `views`; sets the weighting and the reach of `rules`. Logs its choices at
-/// `level`.
+/// The volume for `views`; sets the weighting and the reach of `rules`.
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         const std::vector<View>& views,
                         const MeshRegion& region,
                         std::int64_t max_bytes,
-                        spdlog::level::level_enum level,
                         DepthRules& rules);
 /// Throws Error(ExitCode::usage) if the surface of a view would have gaps.
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume);
-void log_volume(const FusionReport& fusion, spdlog::level::level_enum level);
+void log_volume(const FusionReport& fusion);
 
 }  // namespace detail
 
@@ -78,11 +76,11 @@ public:
     bool is_rough() const override { return true; }
 
     ExtractedMesh extract(const MesherInputs<Device>& in) override {
-        const TsdfOptions volume = detail::tsdf_volume(options_, in.views, in.region, in.max_bytes,
-                                                       in.level, in.depth.rules());
+        const TsdfOptions volume =
+            detail::tsdf_volume(options_, in.views, in.region, in.max_bytes, in.depth.rules());
         bool checked = false;
         const int passes = 1 + (volume.carve ? 1 : 0) + (volume.trust ? 1 : 0);
-        Progress progress("depth of the views", double(passes) * in.depth.size());
+        Progress progress("depth maps", double(passes) * in.depth.size());
         const auto source = [&](int i) {
             progress.advance();
             const DepthView<Device> view = in.depth.view(i);
@@ -98,12 +96,12 @@ public:
         found.mesh = fuse_views<Device>(in.depth.size(), source, volume,
                                         counted ? static_cast<float>(options_.min_weight) : 0,
                                         in.spill_folder, fusion);
-        in.depth.log_pixel_counts(in.level);
-        detail::log_volume(fusion, in.level);
+        in.depth.log_pixel_counts();
+        detail::log_volume(fusion);
         found.why_empty = in.depth.why_none_passed();
         if (found.why_empty.empty() && found.mesh.faces.empty())
             found.why_empty =
-                "no two views, or too few pixels, agree on a surface; lower --min-weight, or give "
+                "no two views agree on a surface; lower --min-weight, or pass "
                 "--set mesh.lone_views=all";
         return found;
     }

@@ -205,15 +205,14 @@ template <class Device>
 TsdfVolume<Device>::TsdfVolume(const TsdfOptions& options) : options_(options) {
     if (!(options.voxel_size > 0 && std::isfinite(options.voxel_size) && options.truncation > 0 &&
           std::isfinite(options.truncation)))
-        throw Error(ExitCode::usage,
-                    str("the voxel size (", options.voxel_size, ") and the truncation (",
-                        options.truncation,
-                        ") must be positive numbers; give --voxel-size and --truncation"));
+        throw Error(ExitCode::usage, str("the voxel size (", options.voxel_size,
+                                         ") and the truncation (", options.truncation,
+                                         ") must be positive; pass --voxel-size and --truncation"));
     const float radius = options.contraction.radius;
     if (options.contraction.is_on() && !(options.truncation < radius && std::isfinite(radius)))
         throw Error(ExitCode::usage,
-                    str("a truncation of ", options.truncation,
-                        " is too large for a scene contracted outside of a ball of radius ", radius,
+                    str("truncation ", options.truncation,
+                        " is too large for an unbounded scene with a ball of radius ", radius,
                         "; lower --voxel-size or --truncation"));
     clear();
 }

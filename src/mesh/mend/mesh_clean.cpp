@@ -167,7 +167,7 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
                                                   const EvidenceSource& source) {
     std::vector<ComponentEvidence> evidence(count);
     const SampleRuns runs(samples);
-    Progress progress("what the views see of the components", source.count);
+    Progress progress("check of components", source.count);
     std::vector<ComponentPixels> pixels;
     for (int i = 0; count > 0 && i < source.count; ++i) {
         progress.advance();
@@ -209,7 +209,7 @@ std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
                              const EvidenceSource& source) {
     std::vector<char> seen(samples.size());
     const SampleRuns runs(samples);
-    Progress progress("what the views see of the faces", source.count);
+    Progress progress("check of faces", source.count);
     for (int i = 0; i < source.count; ++i) {
         progress.advance();
         const EvidenceView view = source.view(i);

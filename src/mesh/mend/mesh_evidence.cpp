@@ -55,7 +55,7 @@ std::vector<Evidence> gather_evidence(const EvidenceSource& source,
     const SampleRuns runs(samples);
     // Whether a run has no verdict.
     std::vector<char> silent(static_cast<std::size_t>(runs.count()), 1);
-    Progress progress("what the views see", source.count);
+    Progress progress("check against views", source.count);
     for (int i = 0; i < source.count; ++i) {
         progress.advance();
         const EvidenceView view = source.view(i);

@@ -154,7 +154,7 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
     std::sort(holes.begin(), holes.end());
     for (const HoleEdge& edge : holes)
         ++boundary.edge_counts[std::size_t(edge.from)],
-            ++boundary.boundary_edges[std::size_t(edge.to)];
+            ++boundary.edge_counts[std::size_t(edge.to)];
     LoopFinder(mesh, boundary, holes).find();
     return boundary;
 }

@@ -7,6 +7,8 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
+#include "core/log.h"
 #include "mesh/mend/face_order.h"
 #include "mesh/mend/mesh_clean.h"
 #include "mesh/simplify/simplify_pieces.h"
@@ -182,26 +184,25 @@ SimplifyReport simplify(TriangleMesh& mesh,
 
 std::string simplify_and_log(TriangleMesh& mesh,
                              const std::vector<Camera>& cameras,
-                             const SimplifyOptions& options,
-                             spdlog::level::level_enum level) {
+                             const SimplifyOptions& options) {
     const SimplifyReport r = simplify(mesh, cameras, options);
     if (r.proof.points == 0)
-        return r.no_triangles > 0
-                   ? str("none of its ", r.faces_before, " faces has three corners apart")
-                   : std::string();
+        return r.no_triangles > 0 ? str("all of its ", r.faces_before, " faces are degenerate")
+                                  : std::string();
     std::string notes;
     if (r.proof.points < r.proof.all_points)
-        notes += str(" (", r.proof.points, " of ", r.proof.all_points, " places measured)");
-    if (r.repeats > 0) notes += str(", at attempt ", r.repeats + 1);
-    if (!r.holds && options.faces == 0) notes += str(", which is not within ", options.error);
-    if (r.no_triangles > 0) notes += str("; ", r.no_triangles, " faces were no triangles");
+        notes += str("; measured ", grouped(r.proof.points), " of ", grouped(r.proof.all_points),
+                     " points");
+    if (r.repeats > 0) notes += str("; attempt ", r.repeats + 1);
+    if (!r.holds && options.faces == 0) notes += str("; above the bound of ", options.error, " px");
+    if (r.no_triangles > 0) notes += str("; dropped ", r.no_triangles, " degenerate faces");
     if (options.faces > 0 && mesh.faces.size() > static_cast<std::size_t>(options.faces))
-        notes += "; fewer would tear it or turn faces over";
-    spdlog::log(level,
-                "simplified: {} faces of {}, {} vertices of {}; off by {:.2f} pixels in the mean, "
-                "{:.2f} at 99.9 %, {:.2f} at most{}",
-                mesh.faces.size(), r.faces_before, mesh.vertices.size(), r.vertices_before,
-                r.proof.mean_px, r.proof.p999_px, r.proof.max_px, notes);
+        notes += "; fewer faces would tear or fold it";
+    spdlog::debug(
+        "Simplified {} faces to {} (error: mean {:.2f} px, 99.9 % below {:.2f} px, max {:.2f} "
+        "px){}",
+        grouped(r.faces_before), grouped(mesh.faces.size()), r.proof.mean_px, r.proof.p999_px,
+        r.proof.max_px, notes);
     return {};
 }
 

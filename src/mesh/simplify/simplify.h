@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "core/log.h"
 #include "core/scene/camera.h"
 #include "core/scene/mesh.h"
 
@@ -53,11 +52,10 @@ SimplifyReport simplify(TriangleMesh& mesh,
                         const std::vector<Camera>& cameras,
                         const SimplifyOptions& options);
 
-/// Simplifies and logs the result in one line at `level`. Returns why nothing is left; empty if
+/// Simplifies and logs the result in one line. Returns why nothing is left; empty if
 /// something is left, or the mesh was empty before.
 std::string simplify_and_log(TriangleMesh& mesh,
                              const std::vector<Camera>& cameras,
-                             const SimplifyOptions& options,
-                             spdlog::level::level_enum level);
+                             const SimplifyOptions& options);
 
 }  // namespace tvsgs

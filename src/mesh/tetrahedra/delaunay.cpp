@@ -246,7 +246,7 @@ private:
         }
         if (cells_.size() >= std::size_t{1} << 30)
             throw Error(ExitCode::memory,
-                        str(points_.size(), " points have more tetrahedra than can be numbered"));
+                        str(points_.size(), " points have too many tetrahedra to number"));
         cells_.emplace_back(), marks_.push_back(0);
         return static_cast<int>(cells_.size()) - 1;
     }

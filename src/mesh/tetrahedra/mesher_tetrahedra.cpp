@@ -1,6 +1,7 @@
 #include "mesh/tetrahedra/mesher_tetrahedra.h"
 
 #include "core/error.h"
+#include "core/log.h"
 #include "mesh/fuse/device_algorithms.h"
 #include "render/tiles/sh_math.h"
 
@@ -17,15 +18,16 @@ std::size_t most_points(std::int64_t max_bytes, int splats) {
     const std::int64_t most = (std::min(max_bytes, free) - of_splats) / kPivotBytes;
     constexpr std::int64_t kMin = 64, kMax = 1 << 27;  // limit of the numbering of tetrahedra
     if (most < kMin)
-        throw Error(ExitCode::memory, str("a mesh of ", splats, " splats takes ",
-                                          of_splats + kMin * kPivotBytes, " bytes at least, and ",
-                                          std::min(max_bytes, free), " are there; raise --memory"));
+        throw Error(
+            ExitCode::memory,
+            str("a mesh of ", splats, " splats needs at least ", of_splats + kMin * kPivotBytes,
+                " bytes; ", std::min(max_bytes, free), " are available; raise --memory"));
     return static_cast<std::size_t>(std::min(most, kMax));
 }
 
 std::string why_no_points(std::size_t splats) {
     return str("none of the ", splats,
-               " splats lies in the image of a view; raise --depth-max, or look at the masks "
+               " splats is in the image of a view; raise --depth-max, or check the masks "
                "(--no-masks) and --bbox");
 }
 
@@ -36,8 +38,7 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
                                  const TetrahedraMesherOptions& options,
                                  const DepthRules& rules,
                                  const MeshRegion& region,
-                                 std::int64_t max_bytes,
-                                 spdlog::level::level_enum level) {
+                                 std::int64_t max_bytes) {
     PivotTetrahedra made;
     const std::size_t most = most_points(max_bytes, splats.size());
     const std::vector<float> footprints = pixel_footprints(splats, views, rules);
@@ -53,8 +54,8 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
     }
     made.pivots = std::move(*found);
     if (!fits)
-        spdlog::log(level, "{} of {} points, merged within {:.3g} px to keep within --memory",
-                    made.pivots.size(), chosen.size() * pivots_per_splat(kind), grain / 4);
+        spdlog::debug("Merged points within {:.3g} px to stay within --memory: {} of {} left",
+                      grain / 4, made.pivots.size(), chosen.size() * pivots_per_splat(kind));
     if (made.pivots.size() == 0) {
         made.why_empty = why_no_points(splats.size());
         return made;
@@ -64,16 +65,15 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
         contraction = {vec_cast<double>(region.centre), static_cast<double>(region.radius)};
     const std::vector<Vec3i> grid = snap_to_grid(splats, contraction, made.pivots);
     if (!grid.empty()) made.tetrahedra = delaunay(grid);
-    if (made.tetrahedra.empty()) made.why_empty = "the splats lie in one point";
-    spdlog::log(level, "{} points of {} splats in {} tetrahedra", made.pivots.size(), splats.size(),
-                made.tetrahedra.size());
+    if (made.tetrahedra.empty()) made.why_empty = "all splats are in one point";
+    spdlog::debug("Tetrahedra: {} between {} points of {} splats", made.tetrahedra.size(),
+                  made.pivots.size(), splats.size());
     return made;
 }
 
 TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
                                      const std::vector<Sight>& sights,
-                                     int needed,
-                                     spdlog::level::level_enum level) {
+                                     int needed) {
     std::vector<PointSide> sides;
     sides.reserve(sights.size());
     for (const Sight& sight : sights)
@@ -82,9 +82,8 @@ TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
                                                   : PointSide::free);
     TetrahedraSurface surface =
         marching_tetrahedra(points.tetrahedra, sides, points.pivots.positions, points.pivots.radii);
-    spdlog::log(level,
-                "{} faces; {} left out between splats too far apart, {} before what no view sees",
-                surface.faces.size(), surface.far_faces, surface.unseen_faces);
+    spdlog::debug("{} faces; omitted {} between distant splats and {} next to unseen points",
+                  surface.faces.size(), surface.far_faces, surface.unseen_faces);
     return surface;
 }
 

@@ -47,14 +47,12 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
                                  const TetrahedraMesherOptions& options,
                                  const DepthRules& rules,
                                  const MeshRegion& region,
-                                 std::int64_t max_bytes,
-                                 spdlog::level::level_enum level);
+                                 std::int64_t max_bytes);
 
-/// Extracts the faces where the field changes sign; logs their number at `level`.
+/// Extracts the faces where the field changes sign.
 TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
                                      const std::vector<Sight>& sights,
-                                     int needed,
-                                     spdlog::level::level_enum level);
+                                     int needed);
 
 /// Mean colour of each vertex; the base colour of its splat if no view shows it.
 std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
@@ -88,7 +86,7 @@ private:
         {
             const FieldSplats<Cpu> on_host = field_splats(host_geometry(in.gaussians));
             points = detail::pivot_tetrahedra(on_host, views, options_, in.depth.rules(), in.region,
-                                              in.max_bytes, in.level);
+                                              in.max_bytes);
             copy(on_host, splats);
         }
         ExtractedMesh found;
@@ -97,12 +95,12 @@ private:
 
         std::vector<Sight> sights = seen_on_host(splats, views, points.pivots.positions);
         const TetrahedraSurface surface =
-            detail::crossed_tetrahedra(points, sights, options_.views, in.level);
+            detail::crossed_tetrahedra(points, sights, options_.views);
         points.tetrahedra = {}, sights = {};
         if (surface.faces.empty()) {
             found.why_empty =
-                "no view sees through to a point beside one that is hidden; are the splats opaque? "
-                "See mesh.tetrahedra.points";
+                "no visible point is next to a hidden one; are the splats opaque? See "
+                "mesh.tetrahedra.points";
             return found;
         }
         const auto ends = [&](int CrossedEdge::*end) {

@@ -151,9 +151,9 @@ void see_points_on(const FieldSplats<Device>& splats,
     sights.resize(points.size());
     const int count = static_cast<int>(points.size());
     parallel_for(Device{}, count, NoSightBody{sights.span()});
-    Progress progress(str("opacity at ", count, " points"), double(views.views.size()));
+    Progress progress(str("opacity of ", count, " points"), double(views.views.size()));
     for (const View& view : views.views)
-        with_context(str("the opacity seen by ", view.name), [&] {
+        with_context(str("opacity in view ", view.name), [&] {
             const FieldView made = make_view(splats, views, view, scratch);
             parallel_for(Device{}, count,
                          SeePointBody{made, views.needed, points.span(), sights.span()});

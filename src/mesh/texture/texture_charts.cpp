@@ -158,10 +158,9 @@ Atlas lay_out(const TriangleMesh& mesh,
         if (fit(mesh, atlas, flat, 1, side)) return atlas;
     for (double scale = kStep; scale > kMinScale; scale *= kStep)
         if (fit(mesh, atlas, flat, scale, max_side)) return atlas;
-    throw Error(ExitCode::input,
-                str("the mesh is in too many parts for a texture of ", max_side, "x", max_side,
-                    ": ", atlas.charts.size(), " charts and ", atlas.tiles.size(),
-                    " single faces; make a coarser mesh, or pass --texture none"));
+    throw Error(ExitCode::input, str("too many charts for a texture of ", max_side, "x", max_side,
+                                     ": ", atlas.charts.size(), " and ", atlas.tiles.size(),
+                                     " single faces; make a coarser mesh, or pass --texture none"));
 }
 
 }  // namespace tvsgs::texture

@@ -272,7 +272,7 @@ Candidates find_candidates(const TriangleMesh& mesh,
     out.seen_pixel.assign(mesh.faces.size(), 0);
     std::vector<Vec3d> vertices(mesh.vertices.size());
     std::vector<std::vector<FaceCandidate>> lists, parts(tasks);
-    Progress progress("texture: views", static_cast<double>(views.size()));
+    Progress progress("texture", static_cast<double>(views.size()));
     for (int v = 0; v < static_cast<int>(views.size()); ++v) {
         progress.advance();
         const SightMaps maps = sights.of(v);

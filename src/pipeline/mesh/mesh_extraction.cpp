@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
 #include "mesh/mend/mesh_holes.h"
@@ -57,8 +58,8 @@ MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRule
         unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
     if ((unbounded || rules.depth_max == 0) && !(radius > 0))
         throw Error(ExitCode::input,
-                    str("the size of the scene cannot be found: a camera lies in the point that "
-                        "all look at; give ",
+                    str("unknown size of the scene: a camera is at the point that all cameras "
+                        "look at; pass ",
                         unbounded ? "--set mesh.radius=R" : "--depth-max"));
     if (rules.depth_max == 0)
         rules.depth_max = unbounded ? std::numeric_limits<float>::max()
@@ -72,54 +73,69 @@ std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_byte
                : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
 }
 
+namespace {
+
+void add_part(std::string& list, std::size_t count, const char* what) {
+    if (count > 0) list += str(list.empty() ? "" : ", ", grouped(count), " ", what);
+}
+
+}  // namespace
+
 std::string clean_mesh(TriangleMesh& mesh,
                        const MeshOptions& options,
                        const EvidenceSource& evidence,
-                       spdlog::level::level_enum level) {
+                       MeshSummary& summary) {
     if (options.evidence && !mesh.faces.empty()) {
         const EvidenceReport seen = keep_seen_components(mesh, evidence);
-        const std::size_t small =
-            seen.components - seen.kept_components - seen.looked_through - seen.single_view;
-        const std::string dropped =
-            str(seen.looked_through, " that a view looks through, ", seen.single_view,
-                " that one view alone sees, ", small, " of less than 20 pixels in every view");
-        spdlog::log(level,
-                    "{} faces at boundaries that no view sees; of {} components {} stay, not {}",
-                    seen.peeled_faces, seen.components, seen.kept_components, dropped);
+        summary.components = seen.kept_components;
+        summary.removed_components = seen.components - seen.kept_components;
+        summary.small_components =
+            summary.removed_components - seen.looked_through - seen.single_view;
+        std::string removed;
+        add_part(removed, summary.small_components, "too small");
+        add_part(removed, seen.looked_through, "looked through by a view");
+        add_part(removed, seen.single_view, "seen by a single view");
+        if (seen.peeled_faces > 0)
+            spdlog::debug("Removed {} unseen faces at boundaries", grouped(seen.peeled_faces));
+        spdlog::debug("Kept {} of {} components{}", seen.kept_components, seen.components,
+                      removed.empty() ? "" : "; removed: " + removed);
         if (mesh.faces.empty())
-            return str("the views bear out none of its ", seen.components, " components: ", dropped,
-                       "; give more views, or --set mesh.evidence=false");
+            return str("views confirm none of its ", seen.components, " components (", removed,
+                       "); use more views, or pass --set mesh.evidence=false");
     }
     if (options.evidence && options.clusters == 0) return {};
     const CleanReport cleaned = keep_largest_components(mesh, options.clusters);
-    spdlog::log(level, "{} components, {} kept; {} faces and {} vertices removed",
-                cleaned.components, cleaned.kept_components, cleaned.removed_faces,
-                cleaned.removed_vertices);
+    summary.components = cleaned.kept_components;
+    summary.removed_components += cleaned.components - cleaned.kept_components;
+    spdlog::debug("Kept {} of {} components; removed {} faces and {} vertices",
+                  cleaned.kept_components, cleaned.components, grouped(cleaned.removed_faces),
+                  grouped(cleaned.removed_vertices));
     if (!mesh.faces.empty() || cleaned.components == 0) return {};
     return str("all ", cleaned.components,
                " components have fewer than 50 faces; lower --voxel-size, or pass --clusters 0");
 }
 
-void mend_mesh(TriangleMesh& mesh,
-               const std::vector<Camera>& cameras,
-               const MeshOptions& options,
-               const EvidenceSource& evidence,
-               spdlog::level::level_enum level) {
-    if (mesh.faces.empty() || !(options.holes > 0 || options.smooth > 0)) return;
-    const ManifoldReport sound = make_manifold(mesh);
-    if (sound.dropped_faces > 0 || sound.split_vertices > 0)
-        spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",
-                    sound.dropped_faces, sound.split_vertices);
-    const HoleReport holes = close_holes(mesh, sound.edges, cameras, evidence, options.holes);
-    if (options.holes > 0)
-        spdlog::log(
-            level,
-            "of {} boundary loops {} holes of up to {} pixels are closed with {} faces, not "
-            "{} that a view contradicts, {} that nothing fits",
-            holes.loops, holes.closed, options.holes, holes.faces, holes.contradicted, holes.unfit);
+std::size_t mend_mesh(TriangleMesh& mesh,
+                      const std::vector<Camera>& cameras,
+                      const MeshOptions& options,
+                      const EvidenceSource& evidence) {
+    if (mesh.faces.empty() || !(options.holes > 0 || options.smooth > 0)) return 0;
+    const ManifoldReport repaired = make_manifold(mesh);
+    if (repaired.dropped_faces > 0 || repaired.split_vertices > 0)
+        spdlog::debug("Dropped {} degenerate or repeated faces, split {} non-manifold vertices",
+                      repaired.dropped_faces, repaired.split_vertices);
+    const HoleReport holes = close_holes(mesh, repaired.edges, cameras, evidence, options.holes);
+    if (options.holes > 0) {
+        std::string left;
+        add_part(left, holes.contradicted, "that photographs look through");
+        add_part(left, holes.unfit, "that nothing fits");
+        spdlog::debug("Closed {} small holes with {} faces{}", holes.closed, holes.faces,
+                      left.empty() ? "" : "; left " + left);
+    }
     if (const std::size_t moved = smooth_surface(mesh, cameras, options.smooth))
-        spdlog::log(level, "{} of {} vertices moved by up to {} pixels, to be smooth", moved,
-                    mesh.vertices.size(), options.smooth);
+        spdlog::debug("Smoothed: moved {} of {} vertices by up to {} px", grouped(moved),
+                      grouped(mesh.vertices.size()), options.smooth);
+    return holes.closed;
 }
 
 }  // namespace detail

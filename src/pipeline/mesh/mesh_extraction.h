@@ -1,5 +1,5 @@
-// Extracts a mesh from splats: renders the depth of views, runs a mesher, cleans and simplifies.
-// Shared by tvsgs-extract-mesh and --eval-mesh.
+// Extracts a mesh from splats: renders depth maps, runs a mesher, cleans, repairs and simplifies
+// the mesh. Used by tvsgs-extract-mesh and --eval-mesh.
 #pragma once
 
 #include <optional>
@@ -17,7 +17,8 @@
 
 namespace tvsgs {
 
-/// In the configuration, so that overlays can hold the published settings of a benchmark.
+/// Part of the configuration, so that files can store the settings of published codes per
+/// benchmark.
 struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
@@ -70,40 +71,49 @@ struct MeshOptions {
     }
 };
 
-/// The depth rules of the options; depth_max may be 0. `origin`: of the splats' frame in the frame
-/// of the box. Throws Error(ExitCode::usage).
+/// The depth rules of the options; depth_max may be 0. `origin`: of the splats' frame in the box's.
+/// Throws Error(ExitCode::usage).
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin = {});
 
-/// Throws Error(ExitCode::usage) for options that are wrong for every scene.
+/// Throws Error(ExitCode::usage) for options that are wrong for any scene, before hours of
+/// training.
 void check_mesh_options(const MeshOptions& options);
+
+/// Counts for the messages of a command.
+struct MeshSummary {
+    std::size_t components = 0;          // of the mesh
+    std::size_t removed_components = 0;  // all that were removed
+    std::size_t small_components = 0;    // removed because they are too small in every view
+    std::size_t closed_holes = 0;
+    std::string why_empty;  // how to get faces if there are none
+};
 
 namespace detail {
 
 std::vector<Camera> cameras_of(const std::vector<View>& views);
-/// The region to mesh; sets rules.depth_max if it is 0. Uses `focus` only for an unbounded mesh or
-/// without depth_max.
+/// The region to mesh; sets rules.depth_max if it is 0. `focus` is used only if the scene is
+/// unbounded or has no depth_max.
 MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRules& rules);
-/// Bytes of memory that a mesher may use when `free_bytes` are free.
+/// Memory limit of a mesher in bytes when `free_bytes` are free.
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes);
-/// Cleans the mesh. Returns why no face remains; empty if faces remain, or there were none before.
+/// Removes components and counts them in `summary`. Returns why nothing is left; empty if something
+/// is left, or the mesh was empty before.
 std::string clean_mesh(TriangleMesh& mesh,
                        const MeshOptions& options,
                        const EvidenceSource& evidence,
-                       spdlog::level::level_enum level);
+                       MeshSummary& summary);
 
-/// Closes the small holes of a mesh and smooths its surface.
-void mend_mesh(TriangleMesh& mesh,
-               const std::vector<Camera>& cameras,
-               const MeshOptions& options,
-               const EvidenceSource& evidence,
-               spdlog::level::level_enum level);
+/// Closes the small holes of a mesh and smooths its surface. Returns the number of closed holes.
+std::size_t mend_mesh(TriangleMesh& mesh,
+                      const std::vector<Camera>& cameras,
+                      const MeshOptions& options,
+                      const EvidenceSource& evidence);
 
-/// The point that the views look at; warns where it is a guess.
+/// The point that the cameras look at; warns if it is a guess.
 template <class Device>
 Focus focus_of_scene(const std::vector<View>& views,
                      const Gaussians<Device>& gaussians,
-                     Backbone<Device>& backbone,
-                     spdlog::level::level_enum level) {
+                     Backbone<Device>& backbone) {
     const std::vector<Camera> cameras = cameras_of(views);
     std::optional<Focus> focus = find_focus(cameras);
     if (!focus) {
@@ -111,30 +121,29 @@ Focus focus_of_scene(const std::vector<View>& views,
                                                 Maps::color | kGeometryMaps);
         focus = focus_at_depth(cameras, median_depth(to_host(rendered.depth)));
         spdlog::warn(
-            "the optical axes are parallel: what they look at is taken to be at the median depth "
-            "of {}; see --depth-max",
+            "all cameras look in one direction: the object's distance is taken from the median "
+            "depth of {}; see --depth-max",
             views.front().name);
     }
-    spdlog::log(level, "cameras look at ({:.4g}, {:.4g}, {:.4g}), the nearest from {:.4g}",
-                focus->point.x, focus->point.y, focus->point.z, focus->radius);
+    spdlog::debug("Object at ({:.4g}, {:.4g}, {:.4g}), nearest camera {:.4g} units away",
+                  focus->point.x, focus->point.y, focus->point.z, focus->radius);
     return *focus;
 }
 
 }  // namespace detail
 
-/// Extracts the mesh seen by `views`, with the backbone of `train` and the mesher of `options`.
-/// Data beyond the memory budget go to `spill_folder` until this returns. Logs messages at `level`.
-/// Stores the reason for an empty mesh in `why_empty`, or logs a warning if that is null. Throws
-/// Error.
+/// Extracts the mesh that `views` see, with the backbone of `train` and the mesher of `options`.
+/// Data that exceed the memory limit are stored in `spill_folder` until this returns. Logs details
+/// at level debug. Fills `summary`; if that is null, warns about an empty mesh. Throws Error.
 template <class Device>
 TriangleMesh extract_mesh(const std::vector<View>& views,
                           const Gaussians<Device>& all,
                           const TrainOptions& train,
                           const MeshOptions& options,
                           const std::string& spill_folder,
-                          spdlog::level::level_enum level = spdlog::level::info,
                           Vec3d origin = {},
-                          std::string* why_empty = nullptr) {
+                          MeshSummary* summary = nullptr) {
+    MeshSummary counts;
     const auto backbone = make_backbone<Device>(train.backbone, train.render);
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
     Gaussians<Device> small;
@@ -143,37 +152,37 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
         copy(all, small);
         const std::size_t faded =
             fade_large(detail::cameras_of(views), options.max_scale_px, small);
-        const std::string what = str(faded, " of ", all.size(), " splats are larger than ",
-                                     options.max_scale_px, " pixels (mesh.max_scale_px)");
-        spdlog::log(level, "{}: not meshed", what);
-        if (faded == all.means.size()) too_large = str(what, "; raise it, or 0 to mesh them");
+        spdlog::debug("Skipped {} of {} splats larger than {} pixels (mesh.max_scale_px)", faded,
+                      all.size(), options.max_scale_px);
+        if (faded == all.means.size())
+            too_large = str("all ", faded, " splats are larger than ", options.max_scale_px,
+                            " pixels (mesh.max_scale_px); raise it, or set it to 0");
     }
     const Gaussians<Device>& gaussians = options.max_scale_px > 0 ? small : all;
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
     if (options.depth_max == 0 || options.meshes_background())
-        focus = detail::focus_of_scene(views, all, *backbone, level);
+        focus = detail::focus_of_scene(views, all, *backbone);
     const MeshRegion region = detail::mesh_region(options, focus, rules);
     DepthViews<Device> depth(views, gaussians, *backbone, rules, options.masks);
-    ExtractedMesh found = mesher->extract(
-        {views, gaussians, *backbone, depth, region, train.render.near,
-         detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
+    ExtractedMesh found =
+        mesher->extract({views, gaussians, *backbone, depth, region, train.render.near,
+                         detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder});
     const EvidenceSource evidence = evidence_of(depth);
-    std::string emptied = detail::clean_mesh(found.mesh, options, evidence, level);
+    std::string emptied = detail::clean_mesh(found.mesh, options, evidence, counts);
     const std::vector<Camera> cameras = detail::cameras_of(views);
     MeshOptions mending = options;
     if (!mesher->is_rough()) mending.smooth = 0;
-    if (!mesher->is_closed()) detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
-    const std::string simplified = simplify_and_log(found.mesh, cameras, options.simplify, level);
+    if (!mesher->is_closed())
+        counts.closed_holes = detail::mend_mesh(found.mesh, cameras, mending, evidence);
+    const std::string simplified = simplify_and_log(found.mesh, cameras, options.simplify);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence || mesher->is_closed()) count_views(found.mesh, evidence);
-    const std::string& why = !too_large.empty()        ? too_large
-                             : found.why_empty.empty() ? emptied
-                                                       : found.why_empty;
-    if (why_empty)
-        *why_empty = why;
-    else if (!why.empty())
-        spdlog::warn("empty mesh: {}", why);
+    counts.why_empty = !too_large.empty()        ? too_large
+                       : found.why_empty.empty() ? emptied
+                                                 : found.why_empty;
+    if (!summary && !counts.why_empty.empty()) spdlog::warn("Empty mesh: {}", counts.why_empty);
+    if (summary) *summary = counts;
     return std::move(found.mesh);
 }
 

@@ -1,18 +1,18 @@
 #include "pipeline/mesh/mesh_output.h"
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "mesh/draw/upright.h"
 #include "mesh/texture/texture.h"
-#include "pipeline/mesh/mesh_extraction.h"
 #include "pipeline/run/run_folder.h"
 
 namespace tvsgs {
 namespace {
 
-constexpr int kMinSide = 256, kMaxSide = 8192;  // px; all devices can show the largest
+constexpr int kMinSide = 256, kMaxSide = 8192;  // all devices support 8192
 
 bool has_photographs(const std::vector<View>& views) {
     for (const View& view : views)
@@ -40,8 +40,9 @@ void require_mesh_output(const std::string& out,
     require_output(out, {".glb", ".obj", ".ply"}, "a mesh is written as GLB, OBJ or PLY", scene);
     const MeshFormat format = mesh_format(out).value_or(MeshFormat::ply);
     if (format == MeshFormat::ply && options.texture != "none" && options.texture != "auto")
-        throw Error(ExitCode::usage, str("--texture ", options.texture, ": ", out,
-                                         " would be a PLY, which has none; name a .glb or .obj"));
+        throw Error(ExitCode::usage,
+                    str("--texture ", options.texture, ": ", out,
+                        " would be a PLY, which has no texture; choose a .glb or .obj"));
     if (format == MeshFormat::ply || !textured) return;
     require_texture_format(out, options.texture_format);
     for (const std::string& file : mesh_files(out, true, options.texture_format))
@@ -56,7 +57,7 @@ MeshTexture texture_of(const TriangleMesh& mesh,
     const int side = texture_side(options);
     if (side == 0 || mesh_format(out).value_or(MeshFormat::ply) == MeshFormat::ply) return {};
     if (!has_photographs(views)) {
-        spdlog::warn("there are no photographs: the mesh has the splats' colours and no texture");
+        spdlog::warn("No photographs: the mesh gets vertex colours and no texture");
         return {};
     }
     TextureOptions how;
@@ -67,17 +68,38 @@ MeshTexture texture_of(const TriangleMesh& mesh,
         texture = make_texture(mesh, views, how, &report);
     } catch (const Error& error) {
         if (how.fixed_side || error.code() != ExitCode::input) throw;
-        spdlog::warn("{}; the mesh has the splats' colours and no texture", error.what());
+        spdlog::warn("{}; the mesh gets vertex colours and no texture", error.what());
         return {};
     }
-    spdlog::info(
-        "texture of {}x{}: {} charts of {} views at {:.3g} texels per pixel; {} faces in "
-        "parts or unseen, {} places where views meet levelled",
-        texture.image.width, texture.image.height, report.charts, report.views_used, report.scale,
-        report.tiles, report.seams);
+    spdlog::debug(
+        "Texture {}x{}: {} faces not fully seen; {} seam points blended; {} charts of {} views, "
+        "{:.3g} texels per pixel",
+        texture.image.width, texture.image.height, grouped(report.tiles), grouped(report.seams),
+        grouped(report.charts), report.views_used, report.scale);
     for (const StageTime& stage : report.stages)
-        spdlog::debug("texture: {:.2f} s for {}", stage.seconds, stage.name);
+        spdlog::debug("Texture, {}: {:.2f} s", stage.name, stage.seconds);
     return texture;
+}
+
+std::string summary_text(const MeshSummary& summary,
+                         const TriangleMesh& mesh,
+                         const MeshTexture& texture) {
+    const auto counted = [](std::size_t count, const char* what) {
+        return str(grouped(count), " ", what, count == 1 ? "" : "s");
+    };
+    std::string text = str("Mesh: ", counted(mesh.faces.size(), "face"), ", ",
+                           counted(summary.components, "component"));
+    if (const std::size_t removed = summary.removed_components; removed > 0)
+        text += str(" (", grouped(removed),
+                    removed != summary.small_components ? ""
+                    : removed == 1                      ? " small one"
+                                                        : " small ones",
+                    " removed)");
+    if (summary.closed_holes > 0)
+        text += ", " + counted(summary.closed_holes, "small hole") + " closed";
+    if (texture.image.width > 0)
+        text += str(", texture ", texture.image.width, "x", texture.image.height);
+    return text;
 }
 
 MeshFileOptions file_options(const MeshOutputOptions& options,

@@ -1,4 +1,4 @@
-// Writes an extracted mesh: its file, its texture, its axes.
+// Output of an extracted mesh: its files, texture, axes and summary.
 #pragma once
 
 #include <string>
@@ -6,6 +6,7 @@
 #include "core/scene/scene.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/scene_options.h"
+#include "pipeline/mesh/mesh_extraction.h"
 
 namespace tvsgs {
 
@@ -27,23 +28,28 @@ struct MeshOutputOptions {
     }
 };
 
-/// Largest number of pixels along a side; 0: no texture. Throws Error(ExitCode::usage).
+/// Maximum side in pixels; 0: no texture. Throws Error(ExitCode::usage).
 int texture_side(const MeshOutputOptions& options);
 
-/// Throws Error(ExitCode::usage) unless the mesh `out` and its other files may be written; called
+/// Throws Error(ExitCode::usage) unless the mesh `out` and all of its files may be written; call it
 /// before work starts.
 void require_mesh_output(const std::string& out,
                          const MeshOutputOptions& options,
                          const SceneOptions& scene);
 
-/// Makes the mesh's texture from `views`; empty, with a logged reason, where there is none.
+/// Makes the texture from `views`; empty, with a warning, if there can be none.
 MeshTexture texture_of(const TriangleMesh& mesh,
                        const std::vector<View>& views,
                        const MeshOutputOptions& options,
                        bool masks,
                        const std::string& out);
 
-/// Options of write_mesh(). `origin`: of the scene.
+/// "Mesh: 2,419 faces, 1 component (113 small ones removed), texture 256x256".
+std::string summary_text(const MeshSummary& summary,
+                         const TriangleMesh& mesh,
+                         const MeshTexture& texture);
+
+/// Options of write_mesh(). `origin`: the scene's.
 MeshFileOptions file_options(const MeshOutputOptions& options,
                              const std::vector<View>& views,
                              Vec3d origin);

@@ -147,10 +147,9 @@ Evaluation evaluate(int step,
         };
         add("centres", score_points(to_host(gaussians.means), *truth, false));
         if (mesh)
-            add("mesh",
-                score_mesh(extract_mesh(mesh->views, drawn, options, mesh->options,
-                                        mesh->spill_folder, spdlog::level::debug, mesh->origin),
-                           *truth, false));
+            add("mesh", score_mesh(extract_mesh(mesh->views, drawn, options, mesh->options,
+                                                mesh->spill_folder, mesh->origin),
+                                   *truth, false));
     }
     return result;
 }

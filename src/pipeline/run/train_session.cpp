@@ -325,9 +325,8 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
     if (in_.truth) add_centres(summary, to_host(trained.means), *in_.truth, run_.path());
     if (in_.options.eval.mesh) {
         const MeshSource source = mesh_source();
-        const TriangleMesh mesh =
-            extract_mesh(source.views, fixed_.join(trained), training_, source.options,
-                         source.spill_folder, spdlog::level::info, source.origin);
+        const TriangleMesh mesh = extract_mesh(source.views, fixed_.join(trained), training_,
+                                               source.options, source.spill_folder, source.origin);
         write_mesh_ply(run_.path() + "/mesh/mesh.ply", mesh, source.origin);
         add_mesh(summary, mesh, *in_.truth, run_.path());
     }
