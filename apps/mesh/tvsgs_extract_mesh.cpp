@@ -61,8 +61,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add_scene("Scene (default: that of the run)");
     const char* group = "Volume";
     flags.add("--method", "mesh.method",
-              "what makes the surface: tsdf, tetrahedra, or watertight, which also closes what no "
-              "view sees [tsdf]",
+              "mesher: tsdf, tetrahedra, or watertight, which closes unseen places too [tsdf]",
               group);
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
@@ -72,51 +71,46 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
               group);
     flags.add("--truncation", "mesh.truncation", "world units [mesh.truncation_voxels]", group);
     flags.add("--depth-max", "mesh.depth_max",
-              "depths from there on are dropped [twice the distance of the cameras' focus; none if "
-              "unbounded]",
+              "limit of depth [twice the distance of the cameras' focus; none if unbounded]",
               group);
-    flags.add("--bbox", "mesh.box", "x0,y0,z0,x1,y1,z1: surface outside is dropped", group);
+    flags.add("--bbox", "mesh.box", "x0,y0,z0,x1,y1,z1: drop the surface outside", group);
     flags.add("--alpha-min", "mesh.alpha_min", "least coverage of a pixel [0.5]; 0: any", group);
     flags.add("--max-angle", "mesh.max_angle",
-              "degrees between ray and normal; surface seen at a larger one is dropped [90: none]",
-              group);
+              "largest angle between ray and normal in degrees [90: any]", group);
     flags.add_switch("--unbounded", "mesh.unbounded",
-                     "mesh the background as well, in voxels that grow outside of a ball about "
-                     "the cameras' focus; --depth-max and --bbox still drop what is beyond them",
+                     "mesh the background, too, with voxels that grow outside of a ball around "
+                     "the cameras' focus; --depth-max and --bbox still apply",
                      group);
-    flags.add("--weight", "mesh.weight",
-              "unit, inv-depth2 or cos: of a pixel in the means of the voxels [unit]", group);
+    flags.add("--weight", "mesh.weight", "weight of a pixel: unit, inv-depth2 or cos [unit]",
+              group);
     flags.add_switch("--carve", "mesh.carve",
-                     "views also clear the space before their surfaces where others have put some",
-                     group);
-    flags.add("--min-weight", "mesh.min_weight", "views that must have seen a voxel [1]", group);
-    flags.add("--clusters", "mesh.clusters", "largest components to keep [0: all]", group);
+                     "views also clear the space in front of their surface", group);
+    flags.add("--min-weight", "mesh.min_weight", "least number of views that see a voxel [1]",
+              group);
+    flags.add("--clusters", "mesh.clusters", "number of largest components to keep [0: all]",
+              group);
     flags.add("--error", "mesh.error",
-              "pixels of the nearest view by which simplification may move the surface [0.3]; 0: "
-              "every triangle stays",
+              "error bound of simplification, in pixels of the nearest view [0.3]; 0: keep all "
+              "triangles",
               group);
-    flags.add("--faces", "mesh.faces", "simplify down to that many, whatever the error [0: not]",
-              group);
+    flags.add("--faces", "mesh.faces",
+              "number of faces to simplify to, whatever the error [0: no limit]", group);
     flags.add("--memory", "mesh.memory",
-              "bytes the volume may take, as 8G or 500M: the same mesh, in parts if need be [80 % "
-              "of what is free]",
+              "memory limit, such as 8G or 500M; the mesh stays the same [80 % of the free memory]",
               group);
     app.add_flag("--given-cameras", options.scene.given_cameras,
-                 "of a run that refined its poses: those it was given")
+                 "use the given poses of a run that refined them")
         ->group(group);
     bool no_masks = false;
-    app.add_flag("--no-masks", no_masks, "fuse what lies outside of the masks as well")
-        ->group(group);
+    app.add_flag("--no-masks", no_masks, "also fuse pixels outside of the masks")->group(group);
     group = "File";
-    app.add_flag("--no-preview", arguments.no_preview, "write no picture of the mesh")
-        ->group(group);
+    app.add_flag("--no-preview", arguments.no_preview, "write no preview picture")->group(group);
     flags.add("--texture", "mesh.texture",
-              "auto, none or its side in pixels: the photographs' colours on the mesh [auto: up to "
-              "8192]",
+              "texture from the photographs: auto, none or its side in pixels [auto: up to 8192]",
               group);
     flags.add("--texture-format", "mesh.texture_format", "jpg, png or webp [jpg]", group);
     flags.add_switch("--keep-axes", "mesh.keep_axes",
-                     "GLB: the scene's own axes [turned so that the mesh stands upright]", group);
+                     "GLB: keep the scene's axes [the mesh stands upright]", group);
     parse_command_line(app, argc, argv);
     flags.set_keys(table);  // checks the flags before looking for any file
     require_mesher<Cpu>(options.mesh.method);

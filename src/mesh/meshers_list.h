@@ -26,7 +26,7 @@ struct MesherOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         tsdf.fields(field);
-        field.group("tetrahedra", tetrahedra, "the mesher of that name");
+        field.group("tetrahedra", tetrahedra, "options of the mesher tetrahedra");
     }
 };
 

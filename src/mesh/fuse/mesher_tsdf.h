@@ -28,24 +28,23 @@ struct TsdfMesherOptions {
               "voxels along depth_max, or across the ball if unbounded; 0: 2048, fewer for small "
               "images");
         field("voxel_scale", voxel_scale, {1, 2},
-              "pixels that a voxel has at least, where neither voxel_size nor resolution says how "
-              "large it is; the truncation is that of 1: a mesh in less time, with less detail");
+              "least size of a voxel in pixels, without voxel_size and resolution; the truncation "
+              "stays that of 1; larger: less time, less detail");
         field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
         field("truncation_voxels", truncation_voxels, {1, 1000},
               "truncation in voxels of voxel_scale 1");
-        field.choice("weight", weight, {"unit", "inv-depth2", "cos"},
-                     "of a pixel in the means: 1, 1 / depth^2, or cosine between ray and normal");
-        field("carve", carve,
-              "views also clear the space before their surfaces where others have put some");
+        field.choice(
+            "weight", weight, {"unit", "inv-depth2", "cos"},
+            "weight of a pixel in the means: 1, 1 / depth^2, or cosine between ray and normal");
+        field("carve", carve, "views also clear the space in front of their surface");
         field("min_weight", min_weight, {1, 65535},
-              "views that must have seen a voxel; needs weight unit if above 1");
+              "least number of views that see a voxel; above 1 needs weight unit");
         field.choice("lone_views", lone_views, {"trusted", "all"},
-                     "what stays of the surface that one view alone has seen: what is smooth, away "
-                     "from edges, and in no other view's free space; or all. Goes with weight unit "
-                     "and min_weight 1");
+                     "surface that a single view sees: keep the smooth parts, away from edges and "
+                     "outside of other views' free space, or all; trusted needs weight unit and "
+                     "min_weight 1");
         field("lone_jump_px", lone_jump_px, {0.01, 1000},
-              "by how many widths of a pixel the depth may jump within a surface where one view "
-              "alone is trusted");
+              "limit of a depth jump within trusted surface of a single view, in pixel widths");
     }
 };
 

@@ -16,12 +16,11 @@ struct SimplifyOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field(
-            "error", error, {0, 100},
-            "pixels of the nearest view by which simplification may move 99.9 % of the surface; 0: "
-            "nothing is simplified");
+        field("error", error, {0, 100},
+              "error bound of simplification for 99.9 % of the surface, in pixels of the nearest "
+              "view; 0: no simplification");
         field("faces", faces, {0, 2e9},
-              "the mesh is simplified down to that many, whatever the error; 0: not");
+              "number of faces to simplify to, whatever the error; 0: no limit");
     }
 };
 

@@ -21,13 +21,13 @@ struct TetrahedraMesherOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field.choice("points", points, {"pivots", "corners"},
-                     "of a splat: one on either side of its plane; or centre and corners of its "
-                     "box, of all splats, as published");
+                     "points of a splat: one on either side of its plane; or centre and corners of "
+                     "its box, for all splats, as published");
         field("min_opacity", min_opacity, {0, 1},
-              "of the splats that have pivots, or of the more opaque half, if that is less");
+              "least opacity of a splat with points; the more opaque half always has them");
         field("views", views, {1, 2},
-              "that have to see through to a point of free space, where more than two have it in "
-              "their image; 1: as published");
+              "views that must see a point of free space, if more than two have it in their "
+              "image; 1: as published");
     }
 };
 

@@ -7,7 +7,7 @@
 
 namespace tvsgs::texture {
 
-/// An edge with two faces, from corner begin to begin + 1 of the first face.
+/// An edge with two faces; the lower vertex comes first.
 struct SharedEdge {
     int faces[2];
     int vertices[2];

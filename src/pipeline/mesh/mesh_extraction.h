@@ -35,39 +35,39 @@ struct MeshOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("method", method,
-              "what makes the surface of the splats: tsdf, tetrahedra, watertight");
+              "mesher: tsdf, tetrahedra, or watertight, which closes unseen places too");
         meshers.fields(field);
         simplify.fields(field);
         field("depth_max", depth_max, {0, 1e9},
-              "depths from there on are dropped; 0: twice the distance of the cameras' focus, or "
-              "none if unbounded");
+              "limit of depth; 0: twice the distance of the cameras' focus, or none if unbounded");
         field("unbounded", unbounded,
-              "mesh the background as well, in voxels that grow outside of a ball about the "
+              "mesh the background, too, with voxels that grow outside of a ball around the "
               "cameras' focus");
-        field("radius", radius, {0, 1e9}, "of that ball; 0: the distance of the nearest camera");
+        field("radius", radius, {0, 1e9},
+              "radius of that ball; 0: the distance of the nearest camera");
         field("depth_step", depth_step, {0, 1e9},
-              "depths are rounded down to multiples of it, as PGSR's 0.001; 0: not");
-        field("box", box, "x0,y0,z0,x1,y1,z1: surface outside is dropped; empty: none");
+              "round depths down to multiples of it, as PGSR's 0.001; 0: no rounding");
+        field("box", box, "x0,y0,z0,x1,y1,z1: drop the surface outside; empty: no box");
         field("alpha_min", alpha_min, {0, 1}, "least coverage of a pixel; 0: any");
         field("max_angle", max_angle, {1, 90},
-              "degrees between ray and normal, surface seen at a larger one is dropped; 90: none");
+              "largest angle between ray and normal in degrees; 90: any");
         field("max_scale_px", max_scale_px, {0, 1e6},
-              "splats with a larger standard deviation are not meshed, pixels of the camera whose "
-              "are finest there; 0: all are");
-        field("masks", masks, "drop what lies outside of the masks");
+              "skip splats with a larger standard deviation, in pixels of the camera with the "
+              "finest ones there; 0: none");
+        field("masks", masks, "drop pixels outside of the masks");
         field("evidence", evidence,
-              "keep the components that views bear out, whatever their size, and cut off what no "
-              "view sees; counts the views of each vertex");
+              "keep the components that views confirm, whatever their size, and remove unseen "
+              "boundaries; counts the views of each vertex");
         field("clusters", clusters, {0, 1e9},
-              "largest components to keep, of 50 faces and more; 0: all");
+              "number of largest components to keep, of at least 50 faces; 0: all");
         field("holes", holes, {0, 1000},
-              "holes of up to that many pixels of the nearest view are closed where no view "
-              "contradicts; 0: none");
-        field(
-            "smooth", smooth, {0, 100},
-            "roughness of what is fused comes off before simplification, by up to that many pixels "
-            "of the nearest view; creases and boundaries stay; 0: none");
-        field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
+              "close holes of up to so many pixels of the nearest view unless a view contradicts; "
+              "0: none");
+        field("smooth", smooth, {0, 100},
+              "smooth fused surfaces before simplification by up to so many pixels of the nearest "
+              "view; keeps creases and boundaries; 0: none");
+        field("memory", memory,
+              "memory limit of the mesher, such as 8G; empty: a share of the free memory");
     }
 };
 

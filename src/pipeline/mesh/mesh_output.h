@@ -18,13 +18,12 @@ struct MeshOutputOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("texture", texture,
-              "auto, none, or the side of the texture, 256 to 8192: auto: a texel per pixel of the "
-              "photographs as far as 8192 allow");
+              "auto, none, or the side of the texture, 256 to 8192; auto: one texel per pixel of "
+              "the photographs, up to 8192");
         field.choice("texture_format", texture_format, {"jpg", "png", "webp"},
-                     "of the picture in or beside the mesh");
-        field("keep_axes", keep_axes, "GLB: the scene's own axes, not turned to stand upright");
-        field("normals", normals,
-              "GLB: with normals of the vertices, for programs that light the mesh");
+                     "image format of the texture");
+        field("keep_axes", keep_axes, "GLB: keep the scene's axes instead of standing it upright");
+        field("normals", normals, "GLB: write vertex normals, for programs that light the mesh");
     }
 };
 
