@@ -99,7 +99,7 @@ void check_supported(const RunOptions& options) {
             "ones elsewhere; for refined ones split the scene with those of a run");
 }
 
-/// Settings of one block: those of the whole scene without its view lists; rates and sizes relative
+/// Settings of one block: the whole scene's without its view lists; rates and sizes relative
 /// to the scene extent are converted to the extent of the whole.
 std::string block_config(const RunOptions& options,
                          const std::string& base,

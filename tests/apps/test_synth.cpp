@@ -181,7 +181,7 @@ TEST_F(Synth, TracksPointAtTheirPoints) {
         double x = 0, y = 0;
         for (std::size_t id = 0; observations >> x >> y >> id; ++checked) {
             const Vec3f p = view->camera.camera_from_world * positions.at(id - 1);
-            // 0.003 of noise at distance 3.3 to 5.7 is 0.09 px here; five of those.
+            // 0.003 of noise at distance 3.3 to 5.7 is 0.09 px here; five standard deviations.
             ASSERT_NEAR(view->camera.fx_px * p.x / p.z + view->camera.cx_px, x, 0.45)
                 << name << ' ' << id;
             ASSERT_NEAR(view->camera.fy_px * p.y / p.z + view->camera.cy_px, y, 0.45)

@@ -133,8 +133,8 @@ TEST_F(FusionParts, BuffersStayWithinTheBudget) {
     FusionReport whole, parts;
     fuse<Cpu>({"as it is"}, 0, whole);
     const std::int64_t budget = whole.blocks * VoxelBlocks<Cpu>::kWorkingBytesPerBlock / 10;
-    // The peak counts the whole process. What a tenth of the limit adds must fit below the peak of
-    // the whole volume, so the buffers are counted while the parts are fused.
+    // The peak counts the whole process. The increase at a tenth of the limit must fit below the
+    // peak of the whole volume, so the buffers are counted while the parts are fused.
     std::int64_t most = 0;
     Buffer<float, Cpu> depth;
     Buffer<Vec3f, Cpu> color;

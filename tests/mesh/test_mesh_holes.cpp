@@ -339,7 +339,7 @@ TEST(Holes, OfATorusLeaveItsGenus) {
     EXPECT_NEAR(volume(mesh), whole, 1e-3 * whole);
 }
 
-/// A horizontal grid of 20 x 20 squares of 0.02, without those for which `gone`.
+/// A horizontal grid of 20 x 20 squares of 0.02, without the squares for which `gone`.
 TriangleMesh grid(const std::function<bool(int, int)>& gone) {
     return without(sheet(0, 0, 0, 0.4, 20), [&](Vec3f p) {
         return gone(static_cast<int>(std::floor((p.x + 0.2f) / 0.02f)),

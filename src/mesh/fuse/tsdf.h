@@ -41,7 +41,7 @@ struct TsdfOptions {
     std::int64_t max_bytes = 0;           // limit of voxels and marching cubes; 0: no limit
     Contraction<float> contraction = {};  // of an unbounded scene
     bool carve = false;  // views update all voxels that they see, not only those near their surface
-    // Weights are those of mesh/fuse/pixel_trust.h; contradict() follows the last view.
+    // Weights come from mesh/fuse/pixel_trust.h; contradict() follows the last view.
     bool trust = false;
 
     VoxelSpace space() const { return {voxel_size, truncation, contraction}; }

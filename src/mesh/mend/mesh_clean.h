@@ -11,7 +11,7 @@ struct CleanReport {
     std::size_t removed_faces = 0, removed_vertices = 0;
 };
 
-/// Keeps the largest components, connected over shared edges: those with at least as many faces as
+/// Keeps the largest components, connected over shared edges: all with at least as many faces as
 /// the `clusters`-th largest (ties keep more), and at least 50. Then drops unused vertices and
 /// faces that repeat a vertex. clusters <= 0 keeps all components; an empty mesh stays as it is.
 CleanReport keep_largest_components(TriangleMesh& mesh, int clusters);

@@ -109,7 +109,7 @@ void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px
 }
 
 /// Collapses edges in three steps. First with tolerances that ignore occlusion, so that later depth
-/// maps are those of a small mesh; then with tolerances of the visible surface; then along the
+/// maps show a small mesh; then with tolerances of the visible surface; then along the
 /// remaining seams.
 CollapsibleMesh collapsed(const Original& original, double tolerance_px, double largest_cost) {
     std::vector<double> tolerances(original.least_lengths.size());

@@ -198,7 +198,7 @@ private:
                              [&](const Around& f) { return f.p == w || f.q == w; });
     }
 
-    /// The link condition: the common neighbours of u and v are those of their common faces.
+    /// The link condition: u and v share no neighbours but in their common faces.
     /// [Dey99] A boundary counts as a vertex next to all of its vertices. `shared`: number of
     /// common faces.
     bool keeps_topology(int u, int v, int& shared) {

@@ -31,8 +31,8 @@ namespace {
 
 constexpr int kNobody = -1, kShared = -2;
 
-/// A group of faces. Its vertices are first those of this group alone, then the shared ones; each
-/// by their index in the whole mesh.
+/// A group of faces. Its vertices are first the ones of this group alone, then the shared ones;
+/// each by their index in the whole mesh.
 struct Piece {
     CollapsibleMesh mesh;
     std::vector<int> vertices;

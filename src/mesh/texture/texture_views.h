@@ -79,7 +79,7 @@ struct Candidate {
 
 inline constexpr std::size_t kMaxCandidates = 16;  // of a face; the best ones
 
-/// Candidates of each face: those of face f are `all[begin[f]]` to `all[begin[f + 1]]`, by view.
+/// Candidates of each face: face f has `all[begin[f]]` to `all[begin[f + 1]]`, by view.
 struct Candidates {
     std::vector<std::size_t> begin;
     std::vector<Candidate> all;
