@@ -74,7 +74,8 @@ struct BoundaryValue {
 };
 
 /// Interpolates the values from coarser levels; returns the boundary values of each block.
-std::vector<std::vector<BoundaryValue>> take_over(std::vector<PoissonLevel>& levels, int l) {
+std::vector<std::vector<BoundaryValue>> interpolate_coarser(std::vector<PoissonLevel>& levels,
+                                                            int l) {
     PoissonLevel& level = levels[l];
     level.values.resize(level.keys.size() * kBlockVoxels);
     std::vector<std::vector<BoundaryValue>> boundaries(level.keys.size());
@@ -197,7 +198,7 @@ PoissonEquations make_equations(const OrientedPoints& points,
 }
 
 void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquations& equations) {
-    const std::vector<std::vector<BoundaryValue>> boundaries = take_over(levels, l);
+    const std::vector<std::vector<BoundaryValue>> boundaries = interpolate_coarser(levels, l);
     PoissonLevel& level = levels[l];
     std::vector<int> colors[2];  // blocks of one colour do not touch
     for (int b = 0; b < level.size(); ++b) {

@@ -66,7 +66,7 @@ struct PixelTrustBody {
     }
     /// Whether the surface continues to one of two opposite neighbours and neither is in front
     /// beyond a jump. A neighbour outside of the image is taken to be like the other one.
-    TVSGS_HD bool goes_on(const SurfacePixel& own, int x, int y, int dx, int dy) const {
+    TVSGS_HD bool continues(const SurfacePixel& own, int x, int y, int dx, int dy) const {
         int neighbours = 0, jumps = 0;
         for (const int side : {-1, 1}) {
             const int u = x + side * dx, v = y + side * dy;
@@ -82,7 +82,7 @@ struct PixelTrustBody {
     TVSGS_HD void operator()(int i) const {
         const int x = i % camera.width_px, y = i / camera.width_px;
         const SurfacePixel own = at(x, y);
-        const bool trusted = goes_on(own, x, y, 1, 0) && goes_on(own, x, y, 0, 1);
+        const bool trusted = continues(own, x, y, 1, 0) && continues(own, x, y, 0, 1);
         weight[i] = trusted ? kTrustedWeight : kDoubtedWeight;
     }
 };

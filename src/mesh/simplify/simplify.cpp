@@ -76,7 +76,7 @@ struct Original {
 };
 
 /// Increases tolerances where no view sees the surface.
-void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px) {
+void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double tolerance_px) {
     std::vector<Vec3f> points(mesh.positions.size());
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
         const auto v = static_cast<std::size_t>(i);
@@ -118,7 +118,7 @@ CollapsibleMesh collapsed(const Original& original, double tolerance_px, double 
     });
     CollapsibleMesh left = collapse_in_groups(original.mesh, original.origin, tolerances,
                                               original.edges, original.groups, largest_cost);
-    loosen(left, original, tolerance_px);
+    increase_tolerances(left, original, tolerance_px);
     const std::vector<Vec3f> middles =
         face_middles(left.faces, [&](std::size_t v) { return vec_cast<float>(left.positions[v]); });
     std::vector<char> seams;

@@ -90,7 +90,7 @@ TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
 std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
                                const std::vector<CrossedEdge>& edges,
                                const std::vector<int>& splats,
-                               const std::vector<Vec3f>& base_harmonics) {
+                               const std::vector<Vec3f>& base_sh) {
     std::vector<Vec3f> colors;
     colors.reserve(sums.size());
     for (std::size_t i = 0; i < sums.size(); ++i) {
@@ -102,7 +102,7 @@ std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
             const int splat =
                 inside >= 0 ? inside : splats[static_cast<std::size_t>(edges[i].free_end)];
             if (splat >= 0)
-                c = static_cast<float>(kShC0) * base_harmonics[static_cast<std::size_t>(splat)] +
+                c = static_cast<float>(kShC0) * base_sh[static_cast<std::size_t>(splat)] +
                     Vec3f{0.5f, 0.5f, 0.5f};
         }
         for (int k = 0; k < 3; ++k) c[k] = c[k] > 0 ? std::min(c[k], 1.0f) : 0;

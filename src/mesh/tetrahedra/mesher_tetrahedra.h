@@ -58,7 +58,7 @@ TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
 std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
                                const std::vector<CrossedEdge>& edges,
                                const std::vector<int>& splats,
-                               const std::vector<Vec3f>& base_harmonics);
+                               const std::vector<Vec3f>& base_sh);
 
 /// Throws "out of memory" for allocations outside of buffers.
 [[noreturn]] void throw_out_of_memory();
@@ -115,7 +115,7 @@ private:
         found.mesh.vertices = to_host(free_ends);
         found.mesh.faces = surface.faces;
         found.mesh.colors = detail::mean_colors(seen_colors(in.depth, free_ends), surface.edges,
-                                                points.pivots.splats, base_harmonics(in.gaussians));
+                                                points.pivots.splats, base_sh(in.gaussians));
         return found;
     }
 
@@ -147,7 +147,7 @@ private:
     }
 
     /// The SH coefficients of degree 0.
-    static std::vector<Vec3f> base_harmonics(const Gaussians<Device>& gaussians) {
+    static std::vector<Vec3f> base_sh(const Gaussians<Device>& gaussians) {
         std::vector<Vec3f> base(static_cast<std::size_t>(gaussians.size()));
         tvsgs::detail::copy(Device{}, gaussians.sh.data(), Cpu{}, base.data(),
                             base.size() * sizeof(Vec3f));
