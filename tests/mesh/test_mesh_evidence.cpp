@@ -9,7 +9,7 @@
 #include "core/scene/scene.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend/mesh_clean.h"
-#include "pipeline/mesh/mesh_extraction.h"
+#include "pipeline/mesh/mesh_output.h"
 
 namespace tvsgs {
 namespace {
@@ -354,6 +354,24 @@ TEST(Components, SayWhyNothingIsLeft) {
     options.evidence = true, options.clusters = 0;
     EXPECT_EQ(detail::clean_mesh(none, options, source_of(views), summary), "")
         << "the mesher has said why";
+}
+
+TEST(Components, AreCountedInTheSummary) {
+    TriangleMesh mesh;
+    mesh.faces.resize(2419);
+    MeshTexture texture;
+    MeshSummary summary;
+    summary.components = 2;
+    EXPECT_EQ(summary_text(summary, mesh, texture), "Mesh: 2,419 faces, 2 components");
+    texture.image = ImageU8(256, 512, 3);
+    summary.components = 1, summary.removed_components = summary.small_components = 113;
+    summary.closed_holes = 34;
+    EXPECT_EQ(summary_text(summary, mesh, texture),
+              "Mesh: 2,419 faces, 1 component (113 small ones removed), 34 small holes closed, "
+              "texture 256x512");
+    summary.removed_components = 1200, summary.closed_holes = 1;
+    EXPECT_EQ(summary_text(summary, mesh, {}),
+              "Mesh: 2,419 faces, 1 component (1,200 removed), 1 small hole closed");
 }
 
 TEST(Components, SameBytesForAnyNumberOfThreads) {
