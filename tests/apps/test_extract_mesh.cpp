@@ -176,7 +176,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
         const Result mesh =
             extract("--mesh-resolution 120 --truncation 0.25 --texture-format png", out);
         ASSERT_EQ(mesh.code, 0) << mesh;
-        EXPECT_EQ(mesh.says("Texture 256x256: "), out != "same.ply") << mesh;
+        EXPECT_EQ(mesh.says("debug: Texture "), out != "same.ply") << mesh;
         const Result score =
             run_tool(folder_, "eval",
                      "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply --pred " + out);
@@ -202,7 +202,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     const Result plain =
         extract("--mesh-resolution 120 --truncation 0.25 --texture none --keep-axes", "plain.glb");
     ASSERT_EQ(plain.code, 0) << plain;
-    EXPECT_FALSE(plain.says("Texture ")) << plain;
+    EXPECT_FALSE(plain.says("debug: Texture ")) << plain;
     const std::string bytes = contents(folder_ / "plain.glb");
     EXPECT_NE(bytes.find("COLOR_0"), std::string::npos);
     EXPECT_EQ(bytes.find("\"matrix\""), std::string::npos);
@@ -295,7 +295,7 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
             ASSERT_EQ(r.code, 0) << more << r;
             const PlyGeometry mesh = read_mesh_geometry((folder_ / out).string());
             EXPECT_EQ(loose_edges(mesh), 0u) << more << out;
-            EXPECT_EQ(r.says("Texture "), out != "closed.ply") << r;
+            EXPECT_EQ(r.says("debug: Texture "), out != "closed.ply") << r;
             if (more.empty()) all = mesh.faces.size();
             EXPECT_TRUE(more != "--error 0.5" || mesh.faces.size() < all / 2);
             EXPECT_TRUE(!more.starts_with("--faces") || mesh.faces.size() <= 300);
