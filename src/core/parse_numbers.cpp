@@ -17,8 +17,9 @@ std::vector<double> parse_numbers(const std::string& flag, const std::string& te
         const auto [rest, code] = std::from_chars(at, end, value);
         if (code != std::errc{} || !(value > 0 && std::isfinite(value)) ||
             (rest != end && *rest != ','))
-            throw Error(ExitCode::usage,
-                        str(flag, " ", text, ": expected positive numbers with commas between"));
+            throw Error(
+                ExitCode::usage,
+                str(flag, " ", text, ": expected positive numbers with commas between them"));
         numbers.push_back(value);
         at = rest + 1;
     }
@@ -34,7 +35,7 @@ std::int64_t parse_bytes(const std::string& flag, const std::string& text) {
     const std::size_t power = std::string("KMGT").find(suffix);
     if (code != std::errc{} || !(value > 0) || suffix.size() > 1 || power == std::string::npos)
         throw Error(ExitCode::usage,
-                    str(flag, " ", text, ": expected a number of bytes such as 8G or 500M"));
+                    str(flag, " ", text, ": expected a size in bytes, such as 8G or 500M"));
     const double bytes = std::ldexp(value, suffix.empty() ? 0 : 10 * (static_cast<int>(power) + 1));
     return static_cast<std::int64_t>(std::min(bytes, 9e18));
 }

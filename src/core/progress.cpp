@@ -103,7 +103,8 @@ std::string progress_text(
                        std::string(static_cast<std::size_t>(filled), '#') +
                        std::string(static_cast<std::size_t>(kBar - filled), '.') + "] " +
                        std::to_string(static_cast<int>(100 * part)) + " %";
-    if (std::isfinite(left)) text += (at_least ? "  left over " : "  left ") + clock_text(left);
+    if (std::isfinite(left))
+        text += (at_least ? "  more than " : "  about ") + clock_text(left) + " left";
     return text;
 }
 

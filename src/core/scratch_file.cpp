@@ -16,7 +16,7 @@ ScratchFile::ScratchFile(const std::string& folder, std::string purpose)
     : folder_(folder.empty() ? "." : folder), purpose_(std::move(purpose)) {
     std::string name = folder_ + "/.tvsgs-scratch-XXXXXX";
     file_ = mkostemp(name.data(), O_CLOEXEC);
-    if (file_ < 0) fail("a temporary file cannot be made");
+    if (file_ < 0) fail("cannot make a temporary file");
     unlink(name.c_str());
 }
 

@@ -44,7 +44,7 @@ TEST(ProgressTexts, SayWhatIsKnown) {
               "stereo 1:05 [##########..........] 50 %  left 1:02:05");
     EXPECT_EQ(progress_text("", 1, 0, NAN), "0:01 [....................] 0 %");
     EXPECT_EQ(progress_text("x", 0, 2, 0, true),
-              "x 0:00 [####################] 100 %  left over 0:00");
+              "x 0:00 [####################] 100 %  more than 0:00 left");
     EXPECT_EQ(progress_text("x", 0, NAN, NAN), "x 0:00 [####################] 100 %");
 }
 

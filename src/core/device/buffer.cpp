@@ -9,6 +9,7 @@
 
 #include "core/device/memory_ledger.h"
 #include "core/error.h"
+#include "core/grouped.h"
 
 namespace tvsgs {
 namespace {
@@ -23,9 +24,10 @@ MemoryLedger& host_ledger() {
 void throw_out_of_host_memory(std::size_t bytes, bool allowed) {
     const MemoryLedger& ledger = host_ledger();
     throw out_of_memory(
-        str(bytes, " more bytes are needed beside the ", ledger.current >> 20, " MiB held, ",
-            allowed ? std::string("and the host has no more")
-                    : str("and ", ledger.limit >> 20, " MiB are allowed (memory.host)")));
+        str("host memory: ", grouped(bytes), " more bytes needed, ", grouped(ledger.current >> 20),
+            " MiB in use, ",
+            allowed ? std::string("none left on this machine")
+                    : str("limit ", grouped(ledger.limit >> 20), " MiB (memory.host)")));
 }
 
 MemoryUse memory_use(Cpu) {

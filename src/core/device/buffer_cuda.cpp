@@ -2,6 +2,7 @@
 #include "core/device/cuda_runtime.h"
 #include "core/device/memory_ledger.h"
 #include "core/error.h"
+#include "core/grouped.h"
 
 namespace tvsgs {
 namespace {
@@ -45,8 +46,8 @@ std::string use_cuda_device(int index) {
         throw Error(ExitCode::device,
                     str("no usable GPU: ", cudaGetErrorString(status), "; use --device cpu"));
     if (index < 0 || index >= count)
-        throw Error(ExitCode::device,
-                    str("no GPU cuda:", index, ": there are ", count, ", numbered from 0"));
+        throw Error(ExitCode::device, str("no GPU cuda:", index, " on this machine; found ", count,
+                                          ", numbered from 0"));
     check_cuda(cudaSetDevice(index));
     cudaDeviceProp properties{};
     check_cuda(cudaGetDeviceProperties(&properties, index));
@@ -54,8 +55,8 @@ std::string use_cuda_device(int index) {
         throw Error(ExitCode::device,
                     str("GPU cuda:", index, ", ", properties.name, ", compute capability ",
                         properties.major, ".", properties.minor,
-                        ": this program holds no code for it (", cudaGetErrorString(status),
-                        "); configure with -DCMAKE_CUDA_ARCHITECTURES=", properties.major,
+                        ": this build has no code for it (", cudaGetErrorString(status),
+                        "); build with -DCMAKE_CUDA_ARCHITECTURES=", properties.major,
                         properties.minor, ", or use --device cpu"));
     return properties.name;
 }
@@ -67,17 +68,17 @@ void* allocate(Cuda, std::size_t bytes) {
     void* data = nullptr;
     const std::int64_t held = ledger.current;
     if (!ledger.allows(bytes))
-        throw out_of_memory(str(bytes, " more bytes of GPU memory are needed beside the ",
-                                held >> 20, " MiB held, and ", ledger.limit >> 20,
-                                " MiB are allowed (--gpu-memory)"));
+        throw out_of_memory(str("GPU memory: ", grouped(bytes), " more bytes needed, ",
+                                grouped(held >> 20), " MiB in use, limit ",
+                                grouped(ledger.limit >> 20), " MiB (--gpu-memory)"));
     if (const cudaError_t status = cudaMalloc(&data, bytes); status != cudaSuccess) {
         cudaGetLastError();
         std::size_t free_bytes = 0, total_bytes = 0;
         cudaMemGetInfo(&free_bytes, &total_bytes);
         if (status != cudaErrorMemoryAllocation) check_cuda(status);
-        throw out_of_memory(str(bytes, " more bytes of GPU memory are needed beside the ",
-                                held >> 20, " MiB held, and ", free_bytes >> 20, " of ",
-                                total_bytes >> 20, " MiB are free"));
+        throw out_of_memory(str("GPU memory: ", grouped(bytes), " more bytes needed, ",
+                                grouped(held >> 20), " MiB in use, ", grouped(free_bytes >> 20),
+                                " of ", grouped(total_bytes >> 20), " MiB free"));
     }
     ledger.take(bytes);
     return data;

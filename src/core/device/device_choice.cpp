@@ -28,7 +28,7 @@ DeviceChoice choose_device(const std::string& name) {
         throw Error(
             ExitCode::device,
             str("--device ", name,
-                ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --device cpu"));
+                ": this build has no CUDA; use --device cpu, or build with -DTVSGS_CUDA=ON"));
     }
 }
 
@@ -38,7 +38,7 @@ std::vector<int> choose_gpus(const std::string& list) {
     } else {
         throw Error(ExitCode::device,
                     str("--gpus ", list,
-                        ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --jobs"));
+                        ": this build has no CUDA; use --jobs, or build with -DTVSGS_CUDA=ON"));
     }
 }
 
@@ -55,13 +55,13 @@ std::vector<int> choose_gpus(const std::string& list, int count) {
                                word.find_first_not_of("0123456789") == std::string::npos;
         if (!is_number)
             throw Error(ExitCode::usage,
-                        str("--gpus ", list, ": expected all, or numbers such as 0,1,3"));
+                        str("--gpus ", list, ": expected all, or GPU numbers such as 0,1,3"));
         const int gpu = std::stoi(word);
         if (std::find(gpus.begin(), gpus.end(), gpu) != gpus.end())
-            throw Error(ExitCode::usage, str("--gpus ", list, ": names GPU ", gpu, " twice"));
+            throw Error(ExitCode::usage, str("--gpus ", list, ": GPU ", gpu, " is given twice"));
         if (gpu >= count)
-            throw Error(ExitCode::device, str("--gpus ", list, ": there is no GPU ", gpu,
-                                              "; the GPUs of this machine are 0 to ", count - 1));
+            throw Error(ExitCode::device, str("--gpus ", list, ": no GPU ", gpu,
+                                              "; this machine has 0 to ", count - 1));
         gpus.push_back(gpu);
     }
     return gpus;

@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/scratch_file.h"
 
 namespace tvsgs {
@@ -23,7 +24,7 @@ struct Piece {
     Piece(const ScratchFile& file, std::size_t offset, std::size_t count) : size(count) {
         void* const at = mmap(nullptr, count, PROT_READ, MAP_SHARED, file.descriptor(),
                               static_cast<off_t>(offset));
-        if (at == MAP_FAILED) file.fail("a temporary file cannot be mapped");
+        if (at == MAP_FAILED) file.fail("cannot map a temporary file");
         bytes = static_cast<std::uint8_t*>(at);
     }
     Piece(const Piece&) = delete;
@@ -42,7 +43,7 @@ struct PixelFile::State {
 
 PixelFile::PixelFile(const std::string& folder)
     : state_(new State{{folder,
-                        "photographs that are more than memory are kept in this folder for a while "
+                        "photographs that exceed the memory need room in this folder "
                         "(scene.photos, scene.photo_folder)"}}) {}
 
 PixelFile::~PixelFile() = default;
@@ -60,7 +61,8 @@ void PixelFile::keep(ImageU8& image) {
             const std::size_t size =
                 std::max(kPiece, (count + kAlignment - 1) / kAlignment * kAlignment);
             if (ftruncate(s.file.descriptor(), static_cast<off_t>(s.end + size)) != 0)
-                s.file.fail(str("a temporary file of ", s.end + size, " bytes cannot be made"));
+                s.file.fail(
+                    str("cannot make a temporary file of ", grouped(s.end + size), " bytes"));
             s.piece = std::make_shared<const Piece>(s.file, s.end, size);
             s.piece_begin = s.end, s.end += size, s.used = 0;
         }
