@@ -97,10 +97,10 @@ TEST_F(Config, UnknownKeysNameTheNearest) {
 }
 
 TEST_F(Config, DuplicateKeys) {
-    expect_usage_error("'seed' appears twice", R"({"tv": {"seed": 1, "seed": 2}})");
-    expect_usage_error("'tv' appears twice", R"({"tv": {"seed": 1}, "tv": {"range": 0.2}})");
-    expect_usage_error("'tv.seed' appears twice", R"({"tv": {"seed": 1}, "tv.seed": 2})");
-    expect_usage_error("appears twice", R"({"tv": {"refresh_every": 1, "refresh-every": 2}})");
+    expect_usage_error("'seed' is given twice", R"({"tv": {"seed": 1, "seed": 2}})");
+    expect_usage_error("'tv' is given twice", R"({"tv": {"seed": 1}, "tv": {"range": 0.2}})");
+    expect_usage_error("'tv.seed' is given twice", R"({"tv": {"seed": 1}, "tv.seed": 2})");
+    expect_usage_error("is given twice", R"({"tv": {"refresh_every": 1, "refresh-every": 2}})");
 }
 
 TEST_F(Config, LaterBasesWinAndOwnKeysWinOverThem) {
@@ -136,23 +136,23 @@ TEST_F(Config, BasesThatCannotBeReadAreNamed) {
                        R"({"extends": "no.json"})");
     expect_usage_error("no configuration is called 'pgsr_spars'; did you mean 'pgsr_sparse'?",
                        R"({"extends": "pgsr_spars"})");
-    expect_usage_error("extends = 5: expected the name of a configuration", R"({"extends": 5})");
+    expect_usage_error("extends = 5: expected a configuration's name", R"({"extends": 5})");
     expect_usage_error("extends = [\"a.json\",null]", R"({"extends": ["a.json", null]})");
     expect_usage_error("unknown key 'tv.extends'", R"({"tv": {"extends": "a.json"}})");
     expect_usage_error("configs/auto.json: unknown key 'plan.enabled'", R"({"extends": "auto"})");
     write("base.json", R"({"tv": {"seed": "x"}})");
-    expect_usage_error("base.json: tv.seed = \"x\": expected an integer",
+    expect_usage_error("base.json: tv.seed = \"x\": expected a whole number",
                        R"({"extends": "base.json"})");
     write("base.json", R"({"tv": {"seed": 1}, "tv.seed": 2})");
-    expect_usage_error("base.json: key 'tv.seed' appears twice", R"({"extends": "base.json"})");
+    expect_usage_error("base.json: key 'tv.seed' is given twice", R"({"extends": "base.json"})");
 }
 
 TEST_F(Config, BasesThatExtendEachOtherAreRefused) {
-    expect_usage_error("config.json: extends 'config.json', which extends it in turn",
+    expect_usage_error("config.json: extends 'config.json', which extends this file",
                        R"({"extends": "config.json"})");
     write("a.json", R"({"extends": "b.json"})");
     write("b.json", R"({"extends": "./config.json"})");
-    expect_usage_error("b.json: extends './config.json', which extends it in turn",
+    expect_usage_error("b.json: extends './config.json', which extends this file",
                        R"({"extends": "a.json"})");
     write("b.json", R"({"tv": {"seed": 3}})");
     read(R"({"extends": ["a.json", "b.json"]})");
@@ -162,17 +162,17 @@ TEST_F(Config, BasesThatExtendEachOtherAreRefused) {
 TEST_F(Config, WrongTypesAndValues) {
     for (const char* value : {"\"5\"", "5.5", "true", "null", "[5]", "0", "1001", "1e30", "-1"})
         expect_usage_error("tv.refresh_every", str("{\"tv\": {\"refresh_every\": ", value, "}}"));
-    expect_usage_error("an integer from 1 to 1000", R"({"tv": {"refresh_every": 0}})");
+    expect_usage_error("a whole number, 1 to 1,000", R"({"tv": {"refresh_every": 0}})");
     for (const char* value : {"1", "\"true\""})
         expect_usage_error("true or false", str("{\"tv.whiten\": ", value, "}"));
     expect_usage_error("one of covariant, unit_length", R"({"tv.map": "other"})");
-    expect_usage_error("a text", R"({"tv.name": 3})");
+    expect_usage_error("expected text", R"({"tv.name": 3})");
     expect_usage_error("tv.range", R"({"tv.range": 1e300})");
     for (const char* value :
          {"", " ", "0.2x", "nan", "inf", "1e99", "0x1p-2", "0,2", "0.09", "0.71"})
         expect_error(ExitCode::usage, "--set: tv.range",
                      [&] { table.set("tv.range", value, "--set"); });
-    for (const char* value : {"99999999999999999999", "5 6", "--5", "1e2"})
+    for (const char* value : {"99999999999999999999", "5 6", "--5", "1.5e0", "1e16"})
         expect_error(ExitCode::usage, "--set: tv.seed",
                      [&] { table.set("tv.seed", value, "--set"); });
     EXPECT_EQ(options.seed, 7);
@@ -181,6 +181,35 @@ TEST_F(Config, WrongTypesAndValues) {
     EXPECT_EQ(options.range, 0.5f);
     table.set("tv.whiten", "off", "--set");
     EXPECT_FALSE(options.whiten);
+}
+
+TEST_F(Config, WholeNumbersMayHaveAnExponent) {
+    read(R"({"tv": {"refresh_every": 1e2}})");
+    EXPECT_EQ(options.refresh_every, 100);
+    table.set("tv.seed", "1e3", "--set");
+    EXPECT_EQ(options.seed, 1000);
+    EXPECT_EQ(table.option("tv.seed").get(), "1000");
+}
+
+TEST_F(Config, AKeyOfAnotherCommandIsAWarning) {
+    OptionTable others;
+    TestOptions of_others;
+    others.add("other", of_others);
+    setenv("TVSGS_OTHER__SEED", "8", 1), setenv("TVSGS_TV__SEED", "9", 1);
+    EXPECT_NO_THROW(table.read_environment(&others));
+    expect_error(ExitCode::usage, "TVSGS_OTHER__SEED: unknown key",
+                 [&] { table.read_environment(); });
+    unsetenv("TVSGS_OTHER__SEED"), unsetenv("TVSGS_TV__SEED");
+    EXPECT_EQ(options.seed, 9);
+    EXPECT_EQ(of_others.seed, 7);
+}
+
+TEST_F(Config, AJsonErrorNamesItsPlace) {
+    expect_usage_error("config.json: line 1, column 17: not valid JSON near `N`",
+                       R"({"tv": {"seed": N}})");
+    expect_usage_error("line 2, column 8: not valid JSON near `seed`", "{\"tv\":\n {\"a\": seed}}");
+    expect_usage_error("line 1, column 8: not valid JSON: the text ends here", "{\"tv\": ");
+    expect_usage_error("not valid JSON: a number is too large", R"({"tv.range": 1e999})");
 }
 
 TEST_F(Config, WhatIsNoConfiguration) {

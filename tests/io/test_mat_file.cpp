@@ -54,7 +54,7 @@ TEST_F(MatFileTest, BadFiles) {
     for (std::size_t size = 0; size < whole.size(); size += 3)
         if (size != 128) expect(whole.substr(0, size), "E_MAT");
     expect(whole.substr(0, 128), "E_MAT");
-    expect(file(4, shape, 4, std::string(12, 'a')), "no numeric array");  // text
+    expect(file(4, shape, 4, std::string(12, 'a')), "not a numeric array");  // text
     expect(file(6, u32(1u << 16) + u32(1u << 16), 2, "\x01"), "2^28");
     expect_error(ExitCode::input, "no variable 'y'",
                  [&] { read_mat_array(write("a.mat", whole), "y"); });

@@ -258,9 +258,9 @@ TEST_F(PriorFolder, ParamsOfAnUnlikelyScaleAreNotUsed) {
     for (const char* view : {"0001.png", "0003.png"})
         EXPECT_TRUE(find(views).depth.files.at(view).unreliable) << view;
     write("sparse/0/depth_params.json", R"({"0001": {"scale": 1, "offset": 2}})");
-    expect_refused("has nothing for image '0002.png'", views);
+    expect_refused("no entry for image '0002.png'", views);
     write("sparse/0/depth_params.json", R"({"0001": {"scale": "x"}, "0002": {}})");
-    expect_refused("scale is no number");
+    expect_refused("scale is not a number");
 }
 
 TEST_F(PriorFolder, JsonThatIsWrongIsRefused) {
@@ -286,9 +286,9 @@ TEST_F(PriorFolder, JsonThatIsWrongIsRefused) {
     says(R"(, "dir": "/tmp")");
     expect_refused("expected a relative path");
     says(R"(, "dir": "empty")");
-    expect_refused("holds no file of that encoding for any of the 2 views");
+    expect_refused("has no file of that encoding for the 2 views");
     says(R"(, "invalid": 0)");
-    expect_refused("invalid is no list of numbers");
+    expect_refused("invalid is not a list of numbers");
     says(R"(, "png_scale": null)");
     EXPECT_EQ(find().depth.files.size(), 1u);
     says(R"(, "per_image": {"0001": {"crop": [0, 0, 5]}})");
@@ -296,12 +296,12 @@ TEST_F(PriorFolder, JsonThatIsWrongIsRefused) {
     says(R"(, "per_image": {"0001": {"shfit": 1}})");
     expect_refused("unknown key 'shfit'");
     write("priors/priors.json", R"({"depth": {"encoding": "exr"}})");
-    expect_refused("exr is not read");
+    expect_refused("exr is unknown");
     write("priors/priors.json", R"({"depth": 7})");
-    expect_refused("is no JSON object");
+    expect_refused("not a JSON object");
     write("priors/priors.json", "[]");
-    expect_refused("is no JSON object");
-    expect_error(ExitCode::input, "no such folder of priors", [&] {
+    expect_refused("not a JSON object");
+    expect_error(ExitCode::input, "folder not found", [&] {
         find_priors({folder.string(), "elsewhere", kViews});
     });
 }
@@ -334,12 +334,12 @@ TEST_F(PriorFolder, ClaimsBeyondTheFileAreRefused) {
         expect_error(ExitCode::input, text, [&] { read_prior_map(folder / name); });
     };
     refused("a.pfm", "Pf\n60000 60000\n-1\nabcd", "claims 60000x60000");
-    refused("a.pfm", "Pf\n30000 3000\n-1\nabcd", "take 360000000 bytes");
+    refused("a.pfm", "Pf\n30000 3000\n-1\nabcd", "need 360000000 bytes");
     refused("a.pfm", "Pf\n-1 1\n-1\nabcd", "claims -1x1");
     refused("a.pfm", "Pf\n1 1\n0\nabcd", "a scale that is not 0");
     refused("a.pfm", "Pf\n1 1\nnan\nabcd", "a scale that is not 0");
     refused("a.pfm", "P6\n1 1\n255\nabc", "expected Pf or PF");
-    refused("a.pfm", "PF\n1 1\n-1\n0123456789ab", "has 3 channels; expected 1");
+    refused("a.pfm", "PF\n1 1\n-1\n0123456789ab", "3 channels; expected 1");
     const auto ints = [](std::initializer_list<std::int32_t> values) {
         std::string bytes;
         for (const std::int32_t v : values)

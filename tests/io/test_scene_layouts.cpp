@@ -129,7 +129,7 @@ TEST_F(SceneLayouts, ScaleMatricesMustBeOneUniformScale) {
     file("cameras.npz", stretched, scale);
     expect_input_error("E_SCALE_MAT");
     file("cameras.npz", scale, scale), file("cameras_sphere.npz", other, other);
-    expect_input_error("different scale_mat_0");
+    expect_input_error("differ in scale_mat_0");
 }
 
 TEST_F(SceneLayouts, NpzAgreesWithColmapOnDtu) {
@@ -243,13 +243,13 @@ TEST_F(SceneLayouts, Nerfstudio) {
     write_frames(head, "[[1, 0, 0, 1], [0, 1, 0, null], [0, 0, 1, 3]]");
     expect_input_error("E_POSE_NAN");
     write_frames(head, "[[1, 0, 0, 1], [0, 1, 0, 2]]");
-    expect_input_error("neither 4x4 nor 3x4");
+    expect_input_error("expected 4x4 or 3x4");
     write_frames("\"w\": 16, \"h\": 12, \"fl_x\": 0, ", kOpenGl);
     expect_input_error("E_CAMERA_FOCAL");
     write_frames("\"w\": 16, \"h\": 0, \"fl_x\": 9, ", kOpenGl);
     expect_input_error("E_CAMERA_SIZE");
     write("transforms.json", "{\"frames\": []}");
-    expect_input_error("has no frames");
+    expect_input_error("no frames");
     write("transforms.json", "{\"frames\": [{\"file_path\": \"../x.png\"}]}");
     expect_input_error("E_BAD_NAME");
     write("transforms.json", "{\"frames\": [");
@@ -286,7 +286,7 @@ TEST_F(SceneLayouts, Mvsnet) {
 
 TEST_F(SceneLayouts, AFormatThatWasAskedForIsNotGuessed) {
     options.format = SceneFormat::idr;
-    expect_input_error("neither cameras_sphere.npz nor cameras.npz");
+    expect_input_error("no cameras_sphere.npz or cameras.npz");
     options.format = SceneFormat::blender;
     expect_input_error("transforms_train.json");
     options.format = SceneFormat::mvsnet;

@@ -350,8 +350,8 @@ TEST_F(SceneReader, SaysWhatUndistortionCosts) {
     };
     // The mean of (1 + k r^2)(1 + 3 k r^2) over 0.4 x 0.3, half the sides, is 0.9345.
     expect_said("1 SIMPLE_RADIAL 8 6 10 4 3 -0.2",
-                "lens: SIMPLE_RADIAL undistorted, 6.5 % of the pixels cropped");
-    expect_said("1 OPENCV 8 6 10 10 4 3 0.2 0 0 0", "% of the views empty and masked");
+                "Undistorted lens SIMPLE_RADIAL: cropped 6.5 % of the pixels");
+    expect_said("1 OPENCV 8 6 10 10 4 3 0.2 0 0 0", "% of the views are empty and masked");
     EXPECT_EQ(said("1 OPENCV 8 6 10 10 4 3 0 0 0 0").find("lens"), std::string::npos);
 }
 
@@ -419,7 +419,7 @@ TEST_F(SceneReader, ExtensionsOfEveryKind) {
     write("images/0.tif", std::string("II*\0\x08\0\0\0", 8));
     EXPECT_EQ(read().train.size(), 4u);
     fs::remove(folder / "images/0.JPG");
-    expect_input_error("0.tif: not a readable image (a TIFF or raw photograph); expected JPEG");
+    expect_input_error("0.tif: cannot read it as an image (a TIFF or raw photograph); expected JPEG");
 }
 
 TEST_F(SceneReader, PosesAndNumbersOfViews) {

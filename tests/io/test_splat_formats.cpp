@@ -152,14 +152,15 @@ TEST(SplatGlb, RefusesWhatItDoesNotUnderstand) {
         expect_error(ExitCode::input, why, [&] { parse_splat_glb(bytes, "a.glb"); });
     };
     const std::string attribute = "KHR_gaussian_splatting:";
-    refuses("holds no splats", [](json&, json& p) { p.erase("extensions"); });
-    refuses("of another kind", [](json&, json& p) { p["mode"] = 4; });
-    refuses("of another kind",
+    refuses("no splats", [](json&, json& p) { p.erase("extensions"); });
+    refuses("unknown kind", [](json&, json& p) { p["mode"] = 4; });
+    refuses("unknown kind",
             [](json&, json& p) { p["extensions"]["KHR_gaussian_splatting"]["kernel"] = "disc"; });
     refuses("compressed", [](json&, json& p) {
         p["extensions"]["KHR_gaussian_splatting"]["extensions"]["X"] = json::object();
     });
-    refuses("needs the extension", [](json& d, json&) { d["extensionsRequired"] = {"EXT_x"}; });
+    refuses("needs the unknown extension",
+            [](json& d, json&) { d["extensionsRequired"] = {"EXT_x"}; });
     refuses("a node has a rotation", [](json& d, json&) {
         d["asset"]["generator"] = "another";
         d["nodes"][0]["rotation"] = {0, 0, 0, 1};
@@ -168,9 +169,9 @@ TEST(SplatGlb, RefusesWhatItDoesNotUnderstand) {
         d["accessors"][int(p["attributes"][attribute + "SCALE"])]["count"] = 19;
     });
     refuses("do not fit", [](json& d, json&) { d["accessors"][0]["count"] = 1 << 30; });
-    refuses("refers to no element",
+    refuses("refers to a missing element",
             [&](json&, json& p) { p["attributes"].erase(attribute + "OPACITY"); });
-    refuses("refers to no element",  // a degree has to be whole
+    refuses("refers to a missing element",  // a degree has to be whole
             [&](json&, json& p) { p["attributes"].erase(attribute + "SH_DEGREE_3_COEF_6"); });
     refuses("expected 1 to 2^30", [](json& d, json&) {
         for (json& accessor : d["accessors"]) accessor["count"] = 0;
@@ -263,11 +264,10 @@ TEST_F(Zip, IsReadAsWrittenAndTheSameAgain) {
              [&](const auto& name, auto content) { read.emplace_back(name, std::move(content)); });
     EXPECT_EQ(read, entries);
     const auto none = [](const std::string&, const std::string&) {};
-    expect_error(ExitCode::input, "at most 2",
-                 [&] { read_zip(path, "test", {.entries = 2}, none); });
-    expect_error(ExitCode::input, "more than is read",
+    expect_error(ExitCode::input, "limit 2", [&] { read_zip(path, "test", {.entries = 2}, none); });
+    expect_error(ExitCode::input, "exceed the limit",
                  [&] { read_zip(path, "test", {.entry_bytes = 999}, none); });
-    expect_error(ExitCode::input, "at most 1002",
+    expect_error(ExitCode::input, "limit 1002",
                  [&] { read_zip(path, "test", {.total_bytes = 1002}, none); });
     std::string damaged = bytes;
     damaged[damaged.find("xxx") + 5] = 'y';
@@ -401,24 +401,24 @@ TEST_F(Sog, RefusesDamagedFiles) {
         expect_error(ExitCode::input, why, [&] { read_sog(path); });
     };
     using Files = decltype(files);
-    refuses("holds no meta.json", [](json&, Files& f) { f[0].first = "other.json"; });
+    refuses("no meta.json", [](json&, Files& f) { f[0].first = "other.json"; });
     refuses("meta.json is damaged", [](json&, Files& f) { f[0].second = "{"; });
     refuses("SOG version 1", [](json& m, Files&) { m.erase("version"); });
     refuses("claims 0 splats", [](json& m, Files&) { m["count"] = 0; });
     refuses("expected 1 to", [](json& m, Files&) { m["count"] = 49000000; });
-    refuses("no whole number", [](json& m, Files&) { m["count"] = -1; });
+    refuses("whole number", [](json& m, Files&) { m["count"] = -1; });
     refuses("pixels; expected at least 10000", [](json& m, Files&) { m["count"] = 10000; });
     refuses("\"mins\": expected 3 finite", [](json& m, Files&) { m["means"]["mins"] = {1, 2}; });
     refuses("\"codebook\": expected 256", [](json& m, Files&) { m["sh0"]["codebook"][7] = "x"; });
-    refuses("holds no x.webp", [](json& m, Files&) { m["quats"]["files"] = {"x.webp"}; });
+    refuses("x.webp is missing", [](json& m, Files&) { m["quats"]["files"] = {"x.webp"}; });
     refuses("list of files is missing", [](json& m, Files&) { m["quats"] = 3; });
     refuses("4 bands", [](json& m, Files&) { m["shN"]["bands"] = 4; });
     refuses("0 bands", [](json& m, Files&) { m["shN"]["bands"] = 0; });
     refuses("512x2 pixels; expected at least", [](json& m, Files&) { m["shN"]["bands"] = 3; });
     refuses("centroids in a picture 512", [](json& m, Files&) { m["shN"]["bands"] = 1; });
-    refuses("kinds of harmonics", [](json& m, Files&) { m["shN"]["count"] = 65537; });
+    refuses("a palette of", [](json& m, Files&) { m["shN"]["count"] = 65537; });
     refuses("the centre of splat", [](json& m, Files&) { m["means"]["maxs"][0] = 1e30; });
-    refuses("no WebP picture", [](json&, Files& f) { f[3].second = "RIFF"; });
+    refuses("not a WebP picture", [](json&, Files& f) { f[3].second = "RIFF"; });
     refuses("a damaged WebP", [](json&, Files& f) { f[3].second.resize(f[3].second.size() / 2); });
     // Bytes that compress to almost nothing must not allow more memory or splats.
     const auto padded = [&](std::size_t bytes, std::int64_t count) {
@@ -436,7 +436,7 @@ TEST_F(Sog, RefusesDamagedFiles) {
         return path;
     };
     EXPECT_EQ(read_sog(padded(1000, 200)).size(), 200);
-    expect_error(ExitCode::input, "are read", [&] { read_sog(padded(1 << 25, 200)); });
+    expect_error(ExitCode::input, "limit", [&] { read_sog(padded(1 << 25, 200)); });
     expect_error(ExitCode::input, "claims 4000000 splats; expected 1 to",
                  [&] { read_sog(padded(900000, 4000000)); });
     expect_error(ExitCode::input, "(ZIP)", [&] { read_sog(write("c.sog", "no archive")); });

@@ -184,7 +184,7 @@ TEST(Spz, RefusesDamagedFilesOfVersionFour) {
     for (const Bytes& good : {ours, file})
         for (std::size_t size = 4; size < good.size(); size += 1 + size / 16)
             refuses(Bytes(good.begin(), good.begin() + std::ptrdiff_t(size)),
-                    size < 16 ? "holds no splats" : "");
+                    size < 16 ? "not an SPZ file" : "");
     const auto changed = [&](std::size_t at, int value) {
         Bytes bytes = file;
         bytes[at] = std::uint8_t(value);
@@ -195,13 +195,13 @@ TEST(Spz, RefusesDamagedFilesOfVersionFour) {
     refuses(longer, "1 bytes after its last array");
     refuses(gzip(file), "version 4 inside gzip");
     refuses(changed(4, 5), "SPZ version 5; expected 2, 3 or 4");
-    refuses(changed(4, 3), "version 3 that is not inside gzip");
+    refuses(changed(4, 3), "version 3 that is without gzip");
     refuses(changed(8, 41), "360 bytes of positions; its header (41 splats, degree 3) expects 369");
     refuses(changed(12, 0), "6 arrays; expected 5 for degree 0");
     refuses(changed(15, 5), "5 arrays; expected 6 for degree 3");
-    refuses(changed(16, 31), "its table of arrays, at byte 31");
-    refuses(changed(19, 0x7f), "is not in the file");
-    refuses(changed(39, 0x7f), "ends early, in its positions");
+    refuses(changed(16, 31), "the table of arrays is at byte 31");
+    refuses(changed(19, 0x7f), "outside the file");
+    refuses(changed(39, 0x7f), "cut off in its positions");
     refuses(changed(128, 0), "its positions: damaged: zstd");
     refuses(changed(133, 0), "its positions: damaged: zstd");  // the size that the frame says
     Bytes claims = changed(10, 0x80);                          // 8,388,648 splats
@@ -337,7 +337,7 @@ TEST_F(SpzFiles, AreWrittenOverOursAndNoOthers) {
     EXPECT_EQ(Bytes(bytes.begin(), bytes.end()), spz_bytes(g));
     EXPECT_EQ(read_spz(path).splats.size(), 1);
     write("b.spz", "holiday");
-    expect_error(ExitCode::usage, "not written by tvsgs",
+    expect_error(ExitCode::usage, "already exists and is not ours",
                  [&] { write_spz((folder / "b.spz").string(), g); });
 }
 
@@ -367,7 +367,7 @@ TEST(Spz, RefusesDamagedFiles) {
     };
     for (std::size_t size = 0; size < file.size(); size += 1 + size / 16) {
         const Bytes cut(file.begin(), file.begin() + std::ptrdiff_t(size));
-        refuses(cut, size < 2 ? "begins neither as gzip" : "ends early");
+        refuses(cut, size < 2 ? "neither gzip nor" : "ends early");
     }
     refuses(Bytes(file.begin(), file.end() - 1), "ends early");
     const auto changed = [&](std::size_t at, int value) {
@@ -375,17 +375,17 @@ TEST(Spz, RefusesDamagedFiles) {
         bytes[at] = std::uint8_t(value);
         return gzip(bytes);
     };
-    refuses(good, "not inside gzip");
-    refuses({'P', 'K', 3, 4}, "begins neither as gzip");
-    refuses(changed(0, 'X'), "with the 16 bytes");
-    refuses(gzip({'N', 'G', 'S', 'P', 3}), "with the 16 bytes");
+    refuses(good, "without gzip");
+    refuses({'P', 'K', 3, 4}, "neither gzip nor");
+    refuses(changed(0, 'X'), "no SPZ header");
+    refuses(gzip({'N', 'G', 'S', 'P', 3}), "no SPZ header");
     refuses(changed(4, 1), "SPZ version 1; expected 2, 3 or 4");
     refuses(changed(4, 4), "SPZ version 4 inside gzip");
     refuses(changed(8, 0), "claims 0 splats");
     refuses(changed(11, 0x7f), "expected 1 to 50000000");
     refuses(changed(10, 2), "more than its");  // 131112: none of them are there
     refuses(changed(8, 41), "bytes of splats; its header (41 splats, degree 3)");
-    refuses(changed(12, 5), "harmonics of degree 5");
+    refuses(changed(12, 5), "SH degree 5");
     refuses(changed(13, 32), "32 fractional bits");
     Bytes broken = file;
     broken[file.size() / 2] ^= 0x10;
@@ -394,7 +394,7 @@ TEST(Spz, RefusesDamagedFiles) {
     refuses(broken, "damaged");
     Bytes bomb = good;
     bomb.resize(64 << 20);
-    refuses(gzip(bomb), "goes on for more than");
+    refuses(gzip(bomb), "more than");
 }
 
 TEST(Spz, TakesWhatOtherReadersTake) {

@@ -77,7 +77,7 @@ TEST_F(ViewSplitTest, ListFiles) {
     options.train_list.clear();
     EXPECT_EQ(split().train.size(), 19u);  // the rest
     options.test_list = write("test.txt", "20");
-    expect_error(ExitCode::input, "'20' names none of the 20 images", [&] { split(); });
+    expect_error(ExitCode::input, "'20' fits none of the 20 images", [&] { split(); });
     options.test_list = write("test.txt", "\n");
     expect_error(ExitCode::input, "test.txt", [&] { split(); });
 }
@@ -105,7 +105,7 @@ TEST_F(ViewSplitTest, ChosenViews) {
     EXPECT_EQ(split().train, (Indices{1, 2, 3}));
     EXPECT_EQ(split().test, (Indices{0, 8, 16}));
     options.views = "1,8";
-    expect_error(ExitCode::usage, "not among the training views", [&] { split(); });
+    expect_error(ExitCode::usage, "not a training view", [&] { split(); });
 }
 
 TEST_F(ViewSplitTest, EvenlyChosenViews) {

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/nearest_name.h"
 #include "io/config/built_in_configs.h"
@@ -54,7 +55,7 @@ Json parse_json(const std::string& path, const std::string& text, ExitCode code)
         if (event == Json::parse_event_t::key &&
             !keys.back().insert(value.get<std::string>()).second)
             throw Error(code, str(path, ": key '", value.get<std::string>(),
-                                  "' appears twice in one object; remove one"));
+                                  "' is given twice in one object; remove one"));
         return true;
     };
     try {
@@ -62,8 +63,10 @@ Json parse_json(const std::string& path, const std::string& text, ExitCode code)
         if (!json.is_object())
             throw Error(code, str(path, ": expected a JSON object, {\"key\": value, ...}"));
         return json;
-    } catch (const Json::exception& error) {
-        throw Error(code, str(path, ": not valid JSON: ", error.what()));
+    } catch (const Json::parse_error& error) {
+        throw Error(code, str(path, ": ", json_fault(text, error.byte)));
+    } catch (const Json::out_of_range&) {  // the library's only other error of a text
+        throw Error(code, str(path, ": not valid JSON: a number is too large"));
     }
 }
 
@@ -81,18 +84,17 @@ std::string join(const std::vector<std::string>& words) {
 
 /// Description of the allowed values, for help and messages.
 std::string expectation(const Option& option) {
-    const auto range = [&] {
-        return str(" from ", number_text(option.range.min), " to ", number_text(option.range.max));
-    };
     switch (option.kind) {
         case Option::Kind::boolean:
             return "true or false";
         case Option::Kind::integer:
-            return str("an integer", range());
+            return str("a whole number, ", grouped(static_cast<std::int64_t>(option.range.min)),
+                       " to ", grouped(static_cast<std::int64_t>(option.range.max)));
         case Option::Kind::real:
-            return str("a number", range());
+            return str("a number, ", number_text(option.range.min), " to ",
+                       number_text(option.range.max));
         case Option::Kind::text:
-            return "a text";
+            return "text";
         case Option::Kind::choice:
             return str("one of ", join(option.choices));
     }
@@ -111,7 +113,15 @@ bool accepted(const Option& option, std::string_view value, std::string& text) {
             return false;
         case Option::Kind::integer: {
             std::int64_t number = 0;
-            return parse_number(text, number) && static_cast<double>(number) >= option.range.min &&
+            double real = 0;  // 1e3
+            if (!parse_number(text, number)) {
+                if (!parse_number(text, real) || !(std::abs(real) <= 9e15) ||
+                    real != std::floor(real))
+                    return false;
+                number = static_cast<std::int64_t>(real);
+                text = number_text(number);
+            }
+            return static_cast<double>(number) >= option.range.min &&
                    static_cast<double>(number) <= option.range.max;
         }
         case Option::Kind::real: {
@@ -172,7 +182,7 @@ auto find_option(Options& options, const std::string& key) {
     for (const Option& option : options) keys.push_back(option.key);
     const std::string near = nearest_name(key, keys);
     throw Error(ExitCode::usage, str(source, ": unknown key '", key, "'; ",
-                                     near.empty() ? "tvsgs-train --list-keys prints them all"
+                                     near.empty() ? "tvsgs-train --list-keys lists all keys"
                                                   : str("did you mean '", near, "'?")));
 }
 
@@ -206,8 +216,9 @@ std::vector<std::string> bases_of(const Json& json, const std::string& file) {
     const auto is_text = [](const Json& base) { return base.is_string(); };
     if (bases.is_array() && std::all_of(bases.begin(), bases.end(), is_text))
         return bases.get<std::vector<std::string>>();
-    throw Error(ExitCode::usage, str(file, ": extends = ", dumped(bases),
-                                     ": expected the name of a configuration, a file, or a list"));
+    throw Error(ExitCode::usage,
+                str(file, ": extends = ", dumped(bases),
+                    ": expected a configuration's name, a file, or a list of them"));
 }
 
 std::string config_text(const std::string& path) {
@@ -233,7 +244,7 @@ void collect(const std::string& file,
                     : str("configs/", base, ".json");
         if (std::find(extending.begin(), extending.end(), from) != extending.end())
             throw Error(ExitCode::usage, str(file, ": extends '", base,
-                                             "', which extends it in turn; remove one of the two"));
+                                             "', which extends this file; remove one of the two"));
         with_context(str("reading the base of ", file), [&] {
             collect(from, is_file ? config_text(from) : built_in_config(base), extending, out);
         });
@@ -244,7 +255,7 @@ void collect(const std::string& file,
     for (std::size_t i = first; i < out.size(); ++i)
         if (!seen.insert(out[i].key).second)
             throw Error(ExitCode::usage,
-                        str(file, ": key '", out[i].key, "' appears twice; remove one"));
+                        str(file, ": key '", out[i].key, "' is given twice; remove one"));
 }
 
 }  // namespace
@@ -318,7 +329,7 @@ void OptionTable::read(const std::string& source, const std::string& text, bool 
     }
 }
 
-void OptionTable::read_environment() {
+void OptionTable::read_environment(const OptionTable* others) {
     std::map<std::string, std::string> variables;  // sorted, so that messages have a fixed order
     for (char** entry = environ; entry && *entry; ++entry) {
         const std::string_view text = *entry;
@@ -332,7 +343,10 @@ void OptionTable::read_environment() {
             key[at] = '.', key.erase(at + 1, 1);
         std::transform(key.begin(), key.end(), key.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-        set(key, value, str("environment variable ", name));
+        if (others && !find_option(options_, key) && find_option(others->options_, key))
+            spdlog::warn("{}: this command has no key {}; ignored", name, key);
+        else
+            set(key, value, str("environment variable ", name));
     }
 }
 
@@ -350,8 +364,8 @@ std::string OptionTable::json(const JsonValue& info) const {
         value = is_string ? Json(option.get()) : Json::parse(option.get());
         if (is_string && !is_utf8(option.get()))
             spdlog::warn(
-                "{} '{}' is not UTF-8, so config.json cannot hold it; rename it, or give it again "
-                "to the commands that take the run",
+                "{} '{}' is not UTF-8, so config.json cannot hold it; rename it, or give the flag "
+                "again to every command that reads the run",
                 option.key, option.get());
     }
     if (info) out["info"] = Json::parse(json_text(info));

@@ -64,7 +64,8 @@ public:
     const Option& option(std::string_view key) const;
 
     /// Applies every TVSGS_<KEY> variable; a double underscore means a dot (TVSGS_TV__K=64).
-    void read_environment();
+    /// Warns of a key that only `others` has.
+    void read_environment(const OptionTable* others = nullptr);
 
     /// The resolved configuration as nested JSON, with `info` unless it is null.
     std::string json(const JsonValue& info = {}) const;

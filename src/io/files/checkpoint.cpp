@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -73,7 +74,7 @@ public:
         std::error_code no_matter;
         require_regular_file(path);
         file_.reset(std::fopen(path.c_str(), "rb"));
-        if (!file_) throw input_error(path, ": cannot be opened: ", std::strerror(errno));
+        if (!file_) throw input_error(path, ": cannot open it: ", std::strerror(errno));
         const auto size = std::filesystem::file_size(path, no_matter);
         size_ = no_matter ? 0 : size;
     }
@@ -84,7 +85,7 @@ public:
         if (bytes == 0 || std::fread(to, 1, bytes, file_.get()) == bytes) return;
         if (std::ferror(file_.get()))
             throw Error(ExitCode::io, str(path_, ": reading failed: ", std::strerror(errno)));
-        throw input_error(path_, ": the checkpoint is cut off after ", size_, " bytes");
+        throw input_error(path_, ": the checkpoint is cut off after ", grouped(size_), " bytes");
     }
 
 private:
@@ -144,18 +145,18 @@ State read_checkpoint(const std::string& path) {
     File file(path);
     std::string head(kFixedBytes, '\0');
     if (file.size() < kFixedBytes)
-        throw input_error(path, ": ", file.size(), " bytes are no checkpoint of tvsgs-train");
+        throw input_error(path, ": ", file.size(),
+                          " bytes, too short for a checkpoint of tvsgs-train");
     file.read(head.data(), head.size());
     Reader fixed{path, head};
     if (fixed.bytes(kMagicBytes) != kMagic)
-        throw input_error(path, ": is no checkpoint of tvsgs-train");
+        throw input_error(path, ": not a checkpoint of tvsgs-train");
     const auto version = fixed.take<std::uint32_t>(), table_bytes = fixed.take<std::uint32_t>();
     const auto file_bytes = fixed.take<std::uint64_t>();
     const auto arrays = fixed.take<std::uint32_t>();
     if (version != kCheckpointVersion)
-        throw input_error(path, ": is of checkpoint version ", version,
-                          ", or damaged; this program reads version ", kCheckpointVersion,
-                          "; resume with the program that wrote it");
+        throw input_error(path, ": checkpoint version ", version, ", or damaged; expected version ",
+                          kCheckpointVersion, "; resume with the program that wrote it");
     if (table_bytes > kMaxTableBytes || file.size() < kFixedBytes + table_bytes + 4)
         throw input_error(path, ": the checkpoint is cut off or damaged in its first bytes");
     head.resize(kFixedBytes + table_bytes + 4);
@@ -163,11 +164,12 @@ State read_checkpoint(const std::string& path) {
     Reader reader{path, std::string_view(head).substr(kFixedBytes)};
     const std::string_view table = reader.bytes(table_bytes);
     if (reader.take<std::uint32_t>() != checksum(head.data(), kFixedBytes + table_bytes))
-        throw input_error(path,
-                          ": the checkpoint's table does not fit its checksum; it is damaged");
+        throw input_error(
+            path, ": the checksum of the table of arrays differs; the checkpoint is damaged");
     if (file.size() != file_bytes)
-        throw input_error(path, ": has ", file.size(), " bytes; expected ", file_bytes,
-                          "; the checkpoint is ", file.size() < file_bytes ? "cut off" : "damaged");
+        throw input_error(path, ": ", grouped(file.size()), " bytes, expected ",
+                          grouped(file_bytes), "; the checkpoint is ",
+                          file.size() < file_bytes ? "cut off" : "damaged");
 
     reader.left = table;
     State state;
@@ -182,11 +184,12 @@ State read_checkpoint(const std::string& path) {
                                       entry.bytes / entry.element_bytes, entry.real);
         file.read(array.bytes.data(), array.bytes.size());
         if (checksum(array.bytes.data(), array.bytes.size()) != entry.crc)
-            throw input_error(path, ": the checkpoint's '", shown(entry.name),
-                              "' does not fit its checksum; the file is damaged");
+            throw input_error(path, ": the checksum of array '", shown(entry.name),
+                              "' differs; the checkpoint is damaged");
     }
     if (left != 0 || !reader.left.empty())
-        throw input_error(path, ": its table of arrays does not fit its size; it is damaged");
+        throw input_error(path,
+                          ": the table of arrays and the size differ; the checkpoint is damaged");
     return state;
 }
 

@@ -1,5 +1,7 @@
 #include "io/files/json_value.h"
 
+#include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -11,6 +13,8 @@ namespace tvsgs {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kNear = 12;  // characters of the text shown in an error
 
 JsonValue from_library(const Json& json) {
     if (json.is_string()) return JsonValue(json.get<std::string>());
@@ -78,6 +82,23 @@ void append(std::string& out, const JsonValue& value) {
 
 }  // namespace
 
+std::string json_fault(std::string_view text, std::size_t bytes) {
+    std::size_t at = std::min(bytes > 0 ? bytes - 1 : 0, text.size());
+    const auto in_word = [&](std::size_t i) {
+        return i < text.size() && std::isalnum(static_cast<unsigned char>(text[i]));
+    };
+    while (at > 0 && in_word(at) && in_word(at - 1)) --at;
+    const std::string_view before = text.substr(0, at);
+    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+    const std::size_t column = at - (before.rfind('\n') + 1) + 1;  // npos + 1 is 0
+    const std::string_view rest = text.substr(at);
+    const std::string near =
+        shown(rest.substr(0, std::min(rest.find_first_of(" \t\r\n,:]}", 1), kNear)));
+    return str(
+        "line ", line, ", column ", column, ": not valid JSON",
+        trimmed(rest).empty() ? ": the text ends here; is it cut off?" : str(" near `", near, "`"));
+}
+
 const JsonValue& JsonValue::operator[](std::string_view key) const {
     static const JsonValue null;
     for (const auto& [name, member] : members)
@@ -101,8 +122,10 @@ JsonValue parse_json_value(std::string_view text, const std::string& where) {
     };
     try {
         return from_library(Json::parse(text, limit_depth));
-    } catch (const Json::exception& error) {
-        throw Error(ExitCode::input, str(where, ": not valid JSON: ", error.what()));
+    } catch (const Json::parse_error& error) {
+        throw Error(ExitCode::input, str(where, ": ", json_fault(text, error.byte)));
+    } catch (const Json::out_of_range&) {  // the library's only other error of a text
+        throw Error(ExitCode::input, str(where, ": not valid JSON: a number is too large"));
     }
 }
 

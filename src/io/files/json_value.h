@@ -62,6 +62,10 @@ private:
     }
 };
 
+/// The place and the word at which a parser of `text` stopped after reading `bytes` bytes:
+/// "line 1, column 18: not valid JSON near `N`".
+std::string json_fault(std::string_view text, std::size_t bytes);
+
 /// Throws Error(ExitCode::input) that names `where`.
 JsonValue parse_json_value(std::string_view text, const std::string& where);
 

@@ -113,9 +113,8 @@ void require_replaceable(const fs::path& file) {
     if (!fs::is_regular_file(file, code)) return;
     const auto folder = folder_with_manifest(file);
     if (folder ? is_listed(*folder, file) : fs::is_empty(file, code) || has_signature(file)) return;
-    throw Error(ExitCode::usage, str(file.string(),
-                                     ": is there, and not written by tvsgs; move it away, or name "
-                                     "another place"));
+    throw Error(ExitCode::usage,
+                str(file.string(), ": already exists and is not ours; choose another name"));
 }
 
 void require_no_record(const fs::path& file) {
@@ -136,14 +135,14 @@ void require_no_record(const fs::path& file) {
         return has(kFolders, part.string());
     });
     if (deep || has(kFiles, entry.filename().string()))
-        throw Error(ExitCode::usage, str(file.string(), ": is one of the files that ",
-                                         folder->string(), " is read by; name another place"));
+        throw Error(ExitCode::usage, str(file.string(), ": ", folder->string(),
+                                         " needs this file; choose another name"));
 }
 
 void list_results(const fs::path& folder, const std::vector<std::string>& names) {
     std::error_code code;
     fs::create_directories(folder, code);
-    if (code) throw Error(ExitCode::io, str(folder.string(), ": cannot be made: ", code.message()));
+    if (code) throw Error(ExitCode::io, str(folder.string(), ": cannot make it: ", code.message()));
     for (const std::string& name : names) {
         require_replaceable(folder / name);
         for (fs::recursive_directory_iterator it(folder / name, code), end; !code && it != end;

@@ -57,7 +57,7 @@ std::string only_variable(const std::string& path, const std::string& name) {
     const std::string bytes = read_bytes(path);
     if (bytes.starts_with("\x89HDF") || bytes.find("MATLAB 7.3") < kFileHeader)
         throw input_error("E_MAT_V73: ", path,
-                          ": a MATLAB 7.3 (HDF5) file; save it anew with save('-v7', ...)");
+                          ": a MATLAB 7.3 (HDF5) file; save it again with save('-v7', ...)");
     if (!bytes.starts_with("MATLAB 5.0"))
         throw mat_error(path, "not a MATLAB 5 to 7 file; expected 'MATLAB 5.0' at its start");
     if (bytes.size() < kFileHeader + kTag)
@@ -69,8 +69,8 @@ std::string only_variable(const std::string& path, const std::string& name) {
         const std::size_t left = bytes.size() - at;
         size = left < kTag ? 0 : word(bytes, at + 4, swap);
         if (left < kTag || left - kTag < size)
-            throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but only ", left,
-                            " are left: the file is cut off; copy it again");
+            throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but ", left,
+                            " are left; the file is cut off: copy it again");
         const std::uint32_t type = word(bytes, at, swap);
         if (type != 14 && type != 15) continue;  // not a variable
         const bool compressed = type == 15;
@@ -78,8 +78,8 @@ std::string only_variable(const std::string& path, const std::string& name) {
             head_of(std::string_view(bytes).substr(at + kTag, size), compressed);
         const auto require = [&](bool sound) {
             if (!sound)
-                throw mat_error(path, "byte ", at, ": a variable that cannot be decoded: the file ",
-                                "is damaged; copy it again");
+                throw mat_error(path, "byte ", at,
+                                ": cannot decode a variable; the file is damaged: copy it again");
         };
         const auto number = [&](std::size_t i) {
             require(i + 4 <= head.size());
@@ -94,9 +94,8 @@ std::string only_variable(const std::string& path, const std::string& name) {
 
         const std::uint32_t array_class = number(8) & 0xff;
         if (array_class < MAT_C_SPARSE || array_class > MAT_C_UINT64)
-            throw mat_error(
-                path, "'", name,
-                "' is no numeric array (a cell, a structure or text); expected numbers");
+            throw mat_error(path, "'", name,
+                            "' is not a numeric array (a cell, a structure or text)");
         std::int64_t entries = 1;
         for (std::size_t i = kShape; i + 4 <= kShape + shape; i += 4) {
             const auto extent = static_cast<std::int64_t>(number(i));
@@ -105,11 +104,11 @@ std::string only_variable(const std::string& path, const std::string& name) {
             entries *= extent;
         }
         if (entries > (compressed ? kDeflateLimit : 1) * static_cast<std::int64_t>(size))
-            throw mat_error(path, "'", name, "' claims ", entries, " entries, more than its ", size,
-                            " bytes can hold: the file is damaged; copy it again");
+            throw mat_error(path, "'", name, "' claims ", entries, " entries, too many for ", size,
+                            " bytes; the file is damaged: copy it again");
         if (found.empty()) found = bytes.substr(0, kFileHeader) + bytes.substr(at, kTag + size);
     }
-    if (found.empty()) throw mat_error(path, "holds no variable '", name, "'");
+    if (found.empty()) throw mat_error(path, "no variable '", name, "'");
     return found;
 }
 
@@ -119,7 +118,7 @@ public:
     explicit MemoryFile(const std::string& bytes) : descriptor_(memfd_create("tvsgs", 0)) {
         if (descriptor_ < 0 ||
             write(descriptor_, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size()))
-            throw Error(ExitCode::io, "a file in memory cannot be made");
+            throw Error(ExitCode::io, "cannot make a file in memory");
     }
     MemoryFile(const MemoryFile&) = delete;
     MemoryFile& operator=(const MemoryFile&) = delete;
@@ -172,10 +171,10 @@ MatArray read_mat_array(const std::string& path, const std::string& name) {
     Mat_LogInitFunc("tvsgs", [](int, char*) {});
     const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(
         Mat_Open(alone.path().c_str(), MAT_ACC_RDONLY), Mat_Close);
-    if (!file) throw mat_error(path, "libmatio cannot open it as a MATLAB file");
+    if (!file) throw mat_error(path, "cannot open it as a MATLAB file");
     const std::unique_ptr<matvar_t, decltype(&Mat_VarFree)> info(
         Mat_VarReadInfo(file.get(), name.c_str()), Mat_VarFree);
-    if (!info) throw mat_error(path, "holds no variable '", name, "'");
+    if (!info) throw mat_error(path, "no variable '", name, "'");
 
     MatArray array;
     std::int64_t count = 1;
@@ -190,11 +189,10 @@ MatArray read_mat_array(const std::string& path, const std::string& name) {
     if (!variable || (count > 0 && variable->data == nullptr) ||
         variable->nbytes !=
             static_cast<std::size_t>(count) * static_cast<std::size_t>(variable->data_size))
-        throw mat_error(path, "'", name, "' cannot be decoded: is the file damaged?");
+        throw mat_error(path, "'", name, "' cannot be decoded; is the file damaged?");
     array.numbers.resize(static_cast<std::size_t>(count));
     if (!widen(*variable, array.numbers))
-        throw mat_error(path, "'", name,
-                        "' is no numeric array (a cell, a structure or text); expected numbers");
+        throw mat_error(path, "'", name, "' is not a numeric array (a cell, a structure or text)");
     return array;
 }
 

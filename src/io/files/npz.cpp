@@ -15,7 +15,7 @@ constexpr std::uint64_t kMaxEntryBytes = ZipLimits{}.entry_bytes;
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
     throw Error(ExitCode::input,
-                str(name, ": ", what, "; save it anew with numpy.save or numpy.savez"));
+                str(name, ": ", what, "; save it again with numpy.save or numpy.savez"));
 }
 
 /// The header {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: exactly these keys, in
@@ -82,7 +82,7 @@ private:
                 at_ += word.size();
                 return value;
             }
-        fail(name_, "fortran_order is neither True nor False");
+        fail(name_, "fortran_order: expected True or False");
     }
     std::vector<std::int64_t> tuple() {
         std::vector<std::int64_t> shape;
@@ -221,8 +221,8 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
         count *= n;
     }
     if (data.size() != count * size)
-        fail(name, str("the shape asks for ", count * size, " bytes of data, the file holds ",
-                       data.size()));
+        fail(name,
+             str("the shape needs ", count * size, " bytes of data, the file has ", data.size()));
     const bool swap = d[0] == '>' ? !kBigHost : d[0] == '<' ? kBigHost : false;
     if (text) {
         for (std::size_t i = 0; i < size; i += 4)
@@ -255,7 +255,7 @@ const NpyArray& find_array(const NpzArchive& archive, const std::string& name) {
     if (const auto found = archive.find(name); found != archive.end()) return found->second;
     std::string names;
     for (const auto& [there, array] : archive) names += (names.empty() ? "" : ", ") + there;
-    throw Error(ExitCode::input, str("no array '", name, "' in the archive; there are ", names));
+    throw Error(ExitCode::input, str("no array '", name, "' in the archive; it has ", names));
 }
 
 }  // namespace tvsgs

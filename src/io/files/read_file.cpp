@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <memory>
 
+#include "core/grouped.h"
+
 namespace tvsgs {
 
 void require_regular_file(const std::string& path) {
@@ -22,12 +24,12 @@ std::string read_bytes(const std::string& path, std::uintmax_t limit) {
     require_regular_file(path);
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
                                                                std::fclose);
-    if (!file) throw input_error(path, ": cannot be opened: ", std::strerror(errno));
+    if (!file) throw input_error(path, ": cannot open it: ", std::strerror(errno));
 
     std::string bytes;
     const auto size = std::filesystem::file_size(path, no_matter);
     if (!no_matter && size > limit)
-        throw input_error(path, ": has ", size, " bytes; such a file has at most ", limit);
+        throw input_error(path, ": ", grouped(size), " bytes; expected at most ", grouped(limit));
     if (!no_matter) bytes.reserve(size);
     char chunk[1 << 16];
     for (;;) {

@@ -57,7 +57,7 @@ NpzArchive read_safetensors(const std::string& path) {
     if (bytes.size() < 8) throw damaged(bytes.size(), " bytes");
     std::memcpy(&length, bytes.data(), 8);
     if (length > kMaxHeader || length > bytes.size() - 8)
-        throw damaged("the header claims ", length, " bytes of ", bytes.size());
+        throw damaged("the header claims ", length, " bytes, the file has ", bytes.size());
     const std::string_view data = std::string_view(bytes).substr(8 + length);
     const JsonValue header = parse_json_value(std::string_view(bytes).substr(8, length), path);
 

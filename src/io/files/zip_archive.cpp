@@ -32,12 +32,12 @@ void read_zip(const std::string& path,
     if (!zip) {
         zip_error_t error;
         zip_error_init_with_code(&error, code);
-        throw input_error(path, ": cannot be read as a ", kind,
+        throw input_error(path, ": cannot read it as a ", kind,
                           " (ZIP) archive: ", reason_of(error));
     }
     const auto entries = static_cast<std::uint64_t>(zip_get_num_entries(zip.get(), 0));
     if (entries > limits.entries)
-        throw input_error(path, ": ", entries, " entries; at most ", limits.entries, " are read");
+        throw input_error(path, ": ", entries, " entries (limit ", limits.entries, ")");
     std::set<std::string> names;
     std::uint64_t total = 0;
     for (std::uint64_t i = 0; i < entries; ++i) {
@@ -49,16 +49,15 @@ void read_zip(const std::string& path,
             throw input_error(path, ": ", name, ": ", what...);
         };
         constexpr unsigned kNeeded = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
-        if ((stat.valid & kNeeded) != kNeeded) fail("the entry states no size");
+        if ((stat.valid & kNeeded) != kNeeded) fail("the entry has no size");
         if (stat.comp_method != ZIP_CM_STORE && stat.comp_method != ZIP_CM_DEFLATE)
-            fail("compressed by another method than deflate");
+            fail("unknown compression; expected deflate");
         if (stat.size > limits.entry_bytes || stat.size / limits.ratio > stat.comp_size)
-            fail(stat.size, " bytes from ", stat.comp_size, " is more than is read");
+            fail(stat.size, " bytes from ", stat.comp_size, " exceed the limit");
         total += stat.size;
         if (total > limits.total_bytes)
-            fail("with it the entries have ", total, " bytes; at most ", limits.total_bytes,
-                 " are read");
-        if (!names.insert(name).second) fail("the name appears twice");
+            fail("the entries have ", total, " bytes up to here (limit ", limits.total_bytes, ")");
+        if (!names.insert(name).second) fail("two entries have this name");
         const std::unique_ptr<zip_file_t, decltype(&zip_fclose)> file(
             zip_fopen_index(zip.get(), i, 0), zip_fclose);
         std::string bytes(stat.size, '\0');

@@ -21,7 +21,7 @@ std::vector<std::uint8_t> zstd_frame(std::span<const std::uint8_t> bytes) {
     const std::size_t size =
         ZSTD_compress2(context.get(), frame.data(), frame.size(), bytes.data(), bytes.size());
     if (ZSTD_isError(size))
-        throw Error(ExitCode::memory, str("zstd: not packed: ", ZSTD_getErrorName(size)));
+        throw Error(ExitCode::memory, str("zstd: packing failed: ", ZSTD_getErrorName(size)));
     frame.resize(size);
     return frame;
 }

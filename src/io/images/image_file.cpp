@@ -11,6 +11,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/images/stb.h"
@@ -29,7 +30,7 @@ struct StbFree {
 std::string kind_of_file(std::string_view bytes) {
     if (bytes.starts_with("II*") || bytes.starts_with("MM\0*"sv)) return "a TIFF or raw photograph";
     if (bytes.size() >= 12 && bytes.substr(4, 4) == "ftyp")
-        return str("of the kind '", shown(bytes.substr(8, 4)), "', as HEIC and AVIF are");
+        return str("HEIC, AVIF or similar, kind '", shown(bytes.substr(8, 4)), "'");
     if (bytes.starts_with("\x76\x2F\x31\x01")) return "an OpenEXR";
     return "";
 }
@@ -40,19 +41,20 @@ ImageSize checked_size(const std::string& path,
                        const ImageSize& size,
                        std::int64_t max_pixels = kMaxPixels) {
     const auto [width, height, channels] = size;
+    if (bytes.empty())
+        throw input_error("E_IMAGE_READ: ", path, " is empty (0 bytes); copy it again");
     if (!known) {
         const std::string kind = kind_of_file(bytes);
-        throw input_error(
-            "E_IMAGE_READ: ", path, ": not a readable image (",
-            !kind.empty()    ? kind
-            : is_webp(bytes) ? "damaged or moving WebP"
-                             : stbi_failure_reason(),
-            "); expected JPEG, PNG, WebP or BMP: convert it to a PNG of the same name, which is "
-            "found as well");
+        throw input_error("E_IMAGE_READ: ", path, ": cannot read it as an image (",
+                          !kind.empty()    ? kind
+                          : is_webp(bytes) ? "damaged or animated WebP"
+                                           : stbi_failure_reason(),
+                          "); expected JPEG, PNG, WebP or BMP: convert it to PNG and keep the name "
+                          "before the ending");
     }
     if (width < 1 || height < 1 || std::int64_t{width} * height > max_pixels)
-        throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height, " pixels; at most ",
-                          max_pixels, " are supported");
+        throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height,
+                          " pixels: too large (limit ", grouped(max_pixels), " pixels)");
     return {width, height, channels};
 }
 
@@ -188,7 +190,7 @@ ImageSize read_image_size(const std::string& path) {
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
                                                                std::fclose);
     if (!file)
-        throw input_error("E_IMAGE_READ: ", path, ": cannot be opened: ", std::strerror(errno));
+        throw input_error("E_IMAGE_READ: ", path, ": cannot open it: ", std::strerror(errno));
     char start[64];  // enough for a WebP; a JPEG may store its size later
     const std::string_view head(start, std::fread(start, 1, sizeof start, file.get()));
     if (is_webp(head)) return size_in(path, head, kMaxPixels);

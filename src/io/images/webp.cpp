@@ -4,6 +4,7 @@
 #include <webp/encode.h>
 
 #include "core/error.h"
+#include "core/grouped.h"
 
 namespace tvsgs {
 
@@ -61,10 +62,11 @@ bool decode_webp(std::string_view bytes, ImageU8& image) {
 ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels) {
     int width = 0, height = 0, channels = 0;
     if (!read_webp_size(bytes, width, height, channels))
-        throw Error(ExitCode::input, str(where, ": is no WebP picture"));
+        throw Error(ExitCode::input, str(where, ": not a WebP picture"));
     if (std::int64_t{width} * height > max_pixels)
-        throw Error(ExitCode::input, str(where, ": ", width, "x", height,
-                                         " pixels; expected at most ", max_pixels, " of them"));
+        throw Error(ExitCode::input,
+                    str(where, ": ", width, "x", height, " pixels: too large (limit ",
+                        grouped(max_pixels), " pixels)"));
     ImageU8 image(width, height, 4);
     if (!decode_webp(bytes, image))
         throw Error(ExitCode::input, str(where, ": a damaged WebP picture"));

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/grouped.h"
 
 namespace tvsgs::glb {
 namespace {
@@ -86,8 +87,8 @@ std::string file_bytes(const std::string& path, json& doc, Chunk& chunk, const c
     const std::uint64_t total = kHeaderBytes + kChunkBytes + text.size() +
                                 (chunk.bytes.empty() ? 0 : kChunkBytes + chunk.bytes.size());
     if (total > std::numeric_limits<std::uint32_t>::max())
-        throw Error(ExitCode::input, str(path, ": not written: ", total,
-                                         " bytes, and a GLB has at most 2^32; ", instead));
+        throw Error(ExitCode::input, str(path, ": not written: ", grouped(total),
+                                         " bytes, a GLB has at most 2^32; ", instead));
     std::string out;
     out.reserve(total);
     put(out, kMagic), put(out, kVersion), put(out, static_cast<std::uint32_t>(total));

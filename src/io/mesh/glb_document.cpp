@@ -63,8 +63,8 @@ void GlbDocument::check_extensions(std::initializer_list<const char*> known) con
         const std::string name = required.is_string() ? required.get<std::string>() : "";
         if (std::none_of(known.begin(), known.end(),
                          [&](const char* begin) { return name.starts_with(begin); }))
-            fail(str("needs the extension '", shown(name),
-                     "', which is not read; save it without compression"));
+            fail(str("needs the unknown extension '", shown(name),
+                     "'; save it without compression"));
     }
 }
 
@@ -82,12 +82,12 @@ void GlbDocument::fail(const std::string& what) const {
 void GlbDocument::split(std::string_view bytes) {
     using glb::kChunkBytes;
     const std::size_t header = glb::kHeaderBytes;
-    if (bytes.size() < header + kChunkBytes) fail("is cut off in its header");
+    if (bytes.size() < header + kChunkBytes) fail("cut off in its header");
     if (const auto version = at_byte<std::uint32_t>(bytes, 4); version != glb::kVersion)
         fail(str("glTF version ", version, "; expected 2"));
     const auto claimed = at_byte<std::uint32_t>(bytes, 8);
     if (claimed > bytes.size())
-        fail(str("claims ", claimed, " bytes of ", bytes.size(), "; is it cut off?"));
+        fail(str("claims ", claimed, " bytes, the file has ", bytes.size(), "; is it cut off?"));
     bytes = bytes.substr(0, claimed);
     std::string_view text;
     for (std::size_t begin = header, chunk = 0; begin < bytes.size(); ++chunk) {
@@ -96,8 +96,9 @@ void GlbDocument::split(std::string_view bytes) {
                    kind = at_byte<std::uint32_t>(bytes, begin + 4);
         begin += kChunkBytes;
         if (length > bytes.size() - begin)
-            fail(str("chunk ", chunk, " claims ", length, " bytes of ", bytes.size() - begin));
-        if (chunk == 0 && kind != glb::kJson) fail("its first chunk is no JSON");
+            fail(str("chunk ", chunk, " claims ", length, " bytes, ", bytes.size() - begin,
+                     " are left"));
+        if (chunk == 0 && kind != glb::kJson) fail("the first chunk is not JSON");
         if (chunk == 0) text = bytes.substr(begin, length);
         if (chunk == 1 && kind == glb::kBin) binary_ = bytes.substr(begin, length);
         begin += length;
@@ -107,7 +108,7 @@ void GlbDocument::split(std::string_view bytes) {
         return true;
     };
     doc_ = json::parse(text, limit_depth, /*allow_exceptions=*/false);
-    if (!doc_.is_object()) fail("its JSON chunk is damaged");
+    if (!doc_.is_object()) fail("the JSON chunk is damaged");
 }
 
 const GlbDocument::json& GlbDocument::member(const json& object, const char* key) {
@@ -120,7 +121,7 @@ const GlbDocument::json& GlbDocument::list(const json& object, const char* key) 
     static const json none = json::array();
     const json& found = member(object, key);
     if (found.is_array()) return found;
-    if (object.is_object() && object.contains(key)) fail(str("\"", key, "\" is no list"));
+    if (object.is_object() && object.contains(key)) fail(str("\"", key, "\" is not a list"));
     return none;
 }
 
@@ -133,19 +134,19 @@ std::uint64_t GlbDocument::whole(const json& object,
                                  const char* key,
                                  std::uint64_t standard) const {
     if (!object.is_object() || !object.contains(key)) return standard;
-    if (!object[key].is_number_unsigned()) fail(str("\"", key, "\" is no whole number"));
+    if (!object[key].is_number_unsigned()) fail(str("\"", key, "\" is not a whole number"));
     return object[key].get<std::uint64_t>();
 }
 
 std::size_t GlbDocument::index(const json& object, const char* key, const json& of) const {
     const std::uint64_t i = whole(object, key, std::uint64_t{1} << 60);
-    if (i >= of.size()) fail(str("\"", key, "\" refers to no element"));
+    if (i >= of.size()) fail(str("\"", key, "\" refers to a missing element"));
     return static_cast<std::size_t>(i);
 }
 
 std::size_t GlbDocument::index_at(const json& indices, std::size_t at, const json& of) const {
     if (!indices[at].is_number_unsigned() || indices[at].get<std::uint64_t>() >= of.size())
-        fail("a node refers to no node");
+        fail("a node refers to a missing node");
     return indices[at].get<std::size_t>();
 }
 
@@ -171,12 +172,12 @@ std::string_view GlbDocument::view_bytes(const json& holder, std::size_t* stride
     const json& views = list(doc_, "bufferViews");
     const json& view = views[index(holder, "bufferView", views)];
     if (whole(view, "buffer", 0) != 0 || member(view, "extensions").size() > 0)
-        fail("keeps numbers in another file, or compressed; save it as one plain .glb");
+        fail("numbers in another file, or compressed; save it as one plain .glb");
     const std::uint64_t offset = whole(view, "byteOffset", 0),
                         length = whole(view, "byteLength", 0);
     if (offset > binary_.size() || length > binary_.size() - offset)
-        fail(str("a buffer view of ", length, " bytes from ", offset, " on lies outside of the ",
-                 binary_.size(), " that there are"));
+        fail(str("a buffer view of ", length, " bytes at ", offset, " exceeds the buffer of ",
+                 binary_.size()));
     if (stride) *stride = static_cast<std::size_t>(whole(view, "byteStride", 0));
     return binary_.substr(offset, length);
 }
@@ -190,7 +191,7 @@ GlbAccessor GlbDocument::accessor(const json& holder,
     GlbAccessor out;
     if (text(found, "type") != type) fail(str(key, ": expected an accessor of type ", type));
     if (found.contains("sparse") || !found.contains("bufferView"))
-        fail(str(key, ": a sparse or empty accessor, which is not read"));
+        fail(str(key, ": a sparse or empty accessor; save it as plain numbers"));
     out.width = width;
     const std::uint64_t component = whole(found, "componentType", 0);
     out.component = component < 10000 ? static_cast<int>(component) : 0;

@@ -42,9 +42,9 @@ public:
             const json& roots = list(scenes[scene], "nodes");
             for (std::size_t i = 0; i < roots.size(); ++i) visit(index_at(roots, i, nodes), {}, 0);
         } else if (!nodes.empty()) {
-            fail("has nodes, but no scene");
+            fail("nodes, but no scene");
         }
-        if (out_.faces.empty()) fail("holds no triangles");
+        if (out_.faces.empty()) fail("no triangles");
         if (!has_colors_) out_.colors.clear();
         if (from_tvsgs_) merge_duplicates();
         return std::move(out_);
@@ -76,7 +76,7 @@ private:
     void visit(std::size_t i, const Affine3d& world_from_parent, int depth) {
         const json& nodes = list(doc_, "nodes");
         check_json_depth(depth, path_);
-        if (visited_[i]++) fail(str("node ", i, " has two parents, or is its own"));
+        if (visited_[i]++) fail(str("node ", i, " has two parents, or is its own parent"));
         const json& node = nodes[i];
         const Affine3d world_from_node =
             from_tvsgs_ ? Affine3d{} : world_from_parent * motion_of(node);
@@ -92,9 +92,9 @@ private:
 
     void add(const json& primitive, const Affine3d& world_from_node) {
         if (whole(primitive, "mode", glb::kTriangles) != glb::kTriangles)
-            fail("holds points, lines or strips; expected triangles");
+            fail("points, lines or strips; expected triangles");
         if (member(primitive, "extensions").contains("KHR_draco_mesh_compression"))
-            fail("is compressed (KHR_draco_mesh_compression); save it without");
+            fail("compressed (KHR_draco_mesh_compression); save it without compression");
         const json& attributes = member(primitive, "attributes");
         const GlbAccessor position = accessor(attributes, "POSITION", "VEC3", 3);
         const auto first = static_cast<std::int64_t>(out_.positions.size());
@@ -108,7 +108,7 @@ private:
                                      origin_);
         const auto add_faces = [&](std::size_t corners, const auto& corner) {
             claim(corners);
-            if (corners % 3 != 0) fail(str(corners, " corners are no whole triangles"));
+            if (corners % 3 != 0) fail(str(corners, " corners are not a multiple of 3"));
             for (std::size_t k = 0; k < corners; k += 3) {
                 Vec3i face;
                 for (int c = 0; c < 3; ++c) {
@@ -136,8 +136,9 @@ private:
     void claim(std::size_t count) {
         claimed_ += count;
         if (claimed_ > most_)
-            fail(str("its nodes ask for ", claimed_, " vertices and corners; expected at most ",
-                     most_, " in a file of its size"));
+            fail(str("its nodes need ", claimed_,
+                     " vertices and corners, more than a file of this size can hold (", most_,
+                     ")"));
     }
 
     // 2. Colours. White if the image is not readable.
@@ -150,14 +151,14 @@ private:
                 text(accessors[index(attributes, "COLOR_0", accessors)], "type") == "VEC4";
             const GlbAccessor color =
                 accessor(attributes, "COLOR_0", alpha ? "VEC4" : "VEC3", alpha ? 4 : 3);
-            if (color.count != count) fail("COLOR_0: not as many as positions");
+            if (color.count != count) fail("COLOR_0: not one per position");
             for (std::size_t i = 0; i < count; ++i)
                 for (int c = 0; c < 3; ++c) to[i][c] = srgb(color.value(i, c));
             has_colors_ = true;
         } else if (attributes.contains("TEXCOORD_0")) {
             const ImageU8* const image = texture_of(primitive);
             const GlbAccessor place = accessor(attributes, "TEXCOORD_0", "VEC2", 2);
-            if (place.count != count) fail("TEXCOORD_0: not as many as positions");
+            if (place.count != count) fail("TEXCOORD_0: not one per position");
             if (!image) return;
             const auto pixel = [](double at, int size) {
                 return static_cast<int>(std::clamp(at * size, 0.0, size - 1.0));

@@ -1,6 +1,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/version.h"
 #include "io/mesh/glb_chunk.h"
 #include "io/mesh/mesh_glb.h"
@@ -12,7 +13,7 @@ using glb::Chunk, glb::list_of, glb::put;
 using json = nlohmann::json;
 
 constexpr const char* kInstead =
-    "name a .ply, or make a coarser mesh (--error, --faces, --voxel-size)";
+    "write a .ply, or make a coarser mesh (--error, --faces, --voxel-size)";
 constexpr std::size_t kMostVertices = 65535;  // per part: 16-bit indices, and 65535 is reserved
 constexpr std::size_t kPositionBytes = 12, kNormalBytes = 12, kPlaceBytes = 8, kColorBytes = 8;
 
@@ -219,9 +220,9 @@ void require_glb_room(const std::string& path,
         6 * std::uint64_t{faces} +
         std::uint64_t{vertices} * (kPositionBytes + (textured ? kPlaceBytes : 0));
     if (bytes > std::numeric_limits<std::uint32_t>::max())
-        throw Error(ExitCode::input,
-                    str(path, ": not written: ", faces, " faces and ", vertices, " vertices take ",
-                        bytes, " bytes, and a GLB has at most 2^32; ", kInstead));
+        throw Error(ExitCode::input, str(path, ": not written: ", grouped(faces), " faces and ",
+                                         grouped(vertices), " vertices need ", grouped(bytes),
+                                         " bytes, a GLB has at most 2^32; ", kInstead));
 }
 
 }  // namespace tvsgs

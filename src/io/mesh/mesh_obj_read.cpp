@@ -13,7 +13,7 @@ ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_col
     };
     const auto number = [&](std::string_view word) {
         double value = 0;
-        if (!parse_number(word, value)) fail(str("'", shown(word), "' is no number"));
+        if (!parse_number(word, value)) fail(str("'", shown(word), "' is not a number"));
         return value;
     };
     bool all_colored = true;
@@ -55,11 +55,10 @@ ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_col
             for (std::string_view word; !(word = next_word(line)).empty(); ++corners) {
                 std::int64_t vertex = 0;
                 if (!parse_number(word.substr(0, word.find('/')), vertex))
-                    fail(str("'", shown(word), "' is no corner of a face"));
+                    fail(str("'", shown(word), "' is not a corner of a face"));
                 const auto count = static_cast<std::int64_t>(out.positions.size());
                 if (vertex == 0 || vertex > count || vertex < -count)
-                    fail(str("a face refers to vertex ", vertex, "; ", count,
-                             " stand before it, counted from 1"));
+                    fail(str("a face refers to vertex ", vertex, "; expected 1 to ", count));
                 const int i = static_cast<int>(vertex > 0 ? vertex - 1 : count + vertex);
                 if (corners >= 2) out.faces.push_back({fan.x, fan.y, i});
                 (corners == 0 ? fan.x : fan.y) = i;
@@ -67,7 +66,7 @@ ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_col
             if (corners < 3) fail(str("a face of ", corners, " corners; expected 3 or more"));
         }
     }
-    if (out.positions.empty()) throw input_error("E_OBJ: ", path, ": holds no vertex (v x y z)");
+    if (out.positions.empty()) throw input_error("E_OBJ: ", path, ": no vertices (v x y z)");
     if (!all_colored) out.colors.clear();
     return out;
 }

@@ -11,7 +11,7 @@ std::optional<ReadMesh> read_other(const std::string& path, bool want_colors) {
     const std::string bytes = read_bytes(path);
     if (std::string_view(bytes).starts_with("glTF")) return read_glb(path, bytes, want_colors);
     if (format == MeshFormat::glb)
-        throw input_error("E_GLB: ", path, ": does not begin as glTF's binary form does (glTF)");
+        throw input_error("E_GLB: ", path, ": not a binary glTF; expected glTF as its first bytes");
     return read_obj(path, bytes, want_colors);
 }
 

@@ -137,8 +137,7 @@ std::vector<std::string> mesh_files(const std::string& path, bool textured, Text
 
 void require_texture_format(const std::string& path, TextureFormat format) {
     if (format == TextureFormat::webp && mesh_format(path) == MeshFormat::obj)
-        throw Error(ExitCode::usage,
-                    str(path, ": programs that read OBJ take no WebP; expected jpg or png"));
+        throw Error(ExitCode::usage, str(path, ": an OBJ needs a texture in jpg or png, not WebP"));
 }
 
 std::string encode_texture(const ImageU8& image, TextureFormat format) {

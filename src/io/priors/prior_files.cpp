@@ -33,8 +33,8 @@ ImageF sized_map(const std::string& path,
                           " a side and at most 2^29 numbers");
     const auto numbers = static_cast<std::size_t>(width * height * channels);
     if (bytes != numbers * sizeof(float))
-        throw prior_error(path, width, "x", height, " pixels of ", channels, " channels take ",
-                          numbers * sizeof(float), " bytes of numbers, the file has ", bytes,
+        throw prior_error(path, width, "x", height, " pixels of ", channels, " channels need ",
+                          numbers * sizeof(float), " bytes, the file has ", bytes,
                           "; it may be cut off: copy it again");
     return {static_cast<int>(width), static_cast<int>(height), static_cast<int>(channels)};
 }
@@ -160,10 +160,9 @@ ImageF read_picture_map(const std::string& path, int channels) {
     for (std::size_t i = 0; i < picture.pixels.size() / from; ++i) {
         const float* const pixel = &picture.pixels[from * i];
         if (channels == 1 ? !too_few && (pixel[0] != pixel[1] || pixel[0] != pixel[2]) : too_few)
-            throw prior_error(path, channels == 1
-                                        ? "a coloured picture; expected grey numbers: save the map "
-                                          "without a colour map, best as .npy"
-                                        : "a grey picture; expected three channels");
+            throw prior_error(path, channels == 1 ? "a coloured picture; expected grey: save the "
+                                                    "map without a colour map, best as .npy"
+                                                  : "a grey picture; expected three channels");
         std::copy_n(pixel, to, &map.pixels[to * i]);
     }
     return map;
@@ -175,12 +174,12 @@ ImageF read_prior_map(const std::string& path, int channels, MapLayout layout) {
     if (ending == ".png" || ending == ".jpg") return read_picture_map(path, channels);
     if (ending != ".pfm" && ending != ".dmb" && ending != ".bin")
         throw prior_error(path, "ends in '", shown(ending),
-                          "'; expected .npy, .png, .pfm, .dmb or .bin: save it anew as .npy");
+                          "'; expected .npy, .png, .pfm, .dmb or .bin: save it as .npy");
     ImageF map = ending == ".pfm"   ? read_pfm(path)
                  : ending == ".dmb" ? read_dmb(path)
                                     : read_colmap_map(path);
     if (channels > 0 && map.channels != channels)
-        throw prior_error(path, "has ", map.channels, " channels; expected ", channels);
+        throw prior_error(path, map.channels, " channels; expected ", channels);
     return map;
 }
 

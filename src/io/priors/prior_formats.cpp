@@ -199,7 +199,7 @@ Strings prior_folders(const PriorQuery& query) {
     if (fs::is_directory(scene / query.folder, failure)) return {(scene / query.folder).string()};
     if (fs::is_directory(query.folder, failure)) return {query.folder};
     throw input_error("E_PRIORS: ", query.folder,
-                      ": no such folder of priors, neither in the scene nor here");
+                      ": folder not found, neither in the scene nor here");
 }
 
 PriorSources find_priors(const PriorQuery& query) {

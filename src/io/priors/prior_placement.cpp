@@ -45,9 +45,8 @@ MapPlacement::MapPlacement(const std::string& path,
                           same_shape(map.height, map.width, shown[2], shown[3])
                               ? " (turned, as by EXIF orientation)"
                               : "",
-                          "; expected that shape: make the map from the whole photograph, or, for "
-                          "depth, name its "
-                          "window as \"crop\" in priors.json");
+                          "; expected that shape: make the map from the whole photograph, or give "
+                          "the window of a depth map as \"crop\" in priors.json");
     scale_x_ = view.reduction * map.width / shown[2];
     scale_y_ = view.reduction * map.height / shown[3];
     offset_x_ = -shown[0] * map.width / shown[2];

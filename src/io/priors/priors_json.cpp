@@ -21,7 +21,7 @@ struct Document {
 
     explicit Document(const std::string& p)
         : path(p), root(parse_json_value(read_text(p, kMaxTextBytes), p)) {
-        if (!root.is(Kind::object)) throw wrong("", "is no JSON object");
+        if (!root.is(Kind::object)) throw wrong("", "not a JSON object");
     }
     Error wrong(const std::string& where, const std::string& what) const {
         return input_error("E_PRIORS: ", path, ": ", where.empty() ? "" : where + ": ", what);
@@ -33,7 +33,7 @@ struct Document {
         for (const std::string_view key : keys) known += str(known.empty() ? "" : ", ", key);
         for (const auto& [key, value] : object.members)
             if (std::find(keys.begin(), keys.end(), key) == keys.end())
-                throw wrong(where, str("unknown key '", shown(key), "'; there are ", known));
+                throw wrong(where, str("unknown key '", shown(key), "'; expected one of ", known));
     }
     /// Index in `words` of the member's text; `fallback` if there is no member.
     int choice(const std::string& where,
@@ -57,7 +57,7 @@ struct Document {
                   double fallback) const {
         const JsonValue& value = object[key];
         if (value && !(value.is(Kind::number) && std::isfinite(value.number)))
-            throw wrong(where, str(key, " is no number"));
+            throw wrong(where, str(key, " is not a number"));
         return value.number_or(fallback);
     }
     /// Numbers of a list; empty if there is no member.
@@ -71,7 +71,7 @@ struct Document {
             fits = fits && item.is(Kind::number);
             values.push_back(item.number);
         }
-        if (!fits) throw wrong(where, str(key, " is no list of numbers"));
+        if (!fits) throw wrong(where, str(key, " is not a list of numbers"));
         return values;
     }
     /// Path of a folder or file beside the document.
@@ -90,13 +90,13 @@ PriorFiles listed_files(const Document& in,
                         const std::vector<std::string>& views) {
     const JsonValue& object = in.root[kind];
     if (!object) return {};
-    if (!object.is(Kind::object)) throw in.wrong(kind, "is no JSON object");
+    if (!object.is(Kind::object)) throw in.wrong(kind, "not a JSON object");
     const std::string folder = in.beside(kind, object["dir"].text_or(kind));
     const std::string encoding = object["encoding"].text_or(kind == "sky" ? "png8" : "npy");
     std::string ending = encoding;
     if (encoding == "png8" || encoding == "png16") ending = "png";
     if (encoding == "exr")
-        throw in.wrong(kind, "encoding exr is not read; convert the maps to npy or pfm");
+        throw in.wrong(kind, "encoding exr is unknown; convert the maps to npy or pfm");
     if (ending != "png" && ending != "npy" && ending != "pfm" && ending != "dmb" &&
         ending != "colmap")
         throw in.wrong(kind, str("encoding is '", shown(encoding),
@@ -107,8 +107,8 @@ PriorFiles listed_files(const Document& in,
             : match_priors(folder, {"." + ending}, views);
     if (ending == "colmap" && files.empty()) files = match_priors(folder, {".bin"}, views);
     if (files.empty())
-        throw in.wrong(kind, str(folder, " holds no file of that encoding for any of the ",
-                                 views.size(), " views; expected names such as ",
+        throw in.wrong(kind, str(folder, " has no file of that encoding for the ", views.size(),
+                                 " views; expected names such as ",
                                  views.empty() ? "0001" : fs::path(views[0]).stem().string(), ".",
                                  ending == "colmap" ? "png.geometric.bin" : ending));
     const int layout = in.choice(kind, object, "layout", {"hwc", "chw"}, -1);
@@ -126,7 +126,7 @@ void read_per_image(const Document& in, DepthSource& depth) {
         const JsonValue& own = object[fs::path(view).replace_extension().generic_string()];
         const std::string where = str("depth: per_image: ", shown(view));
         if (!own) continue;
-        if (!own.is(Kind::object)) throw in.wrong(where, "is no JSON object");
+        if (!own.is(Kind::object)) throw in.wrong(where, "not a JSON object");
         in.allow(where, own, {"scale", "shift", "crop"});
         file.scale *= in.number(where, own, "scale", 1);
         file.shift = in.number(where, own, "shift", 0);
@@ -206,8 +206,8 @@ void read_depth_params(const std::string& path, DepthSource& source) {
     for (auto& [view, file] : source.files) {
         const JsonValue& own = in.root[fs::path(view).replace_extension().generic_string()];
         if (!own.is(Kind::object))
-            throw in.wrong("", str("has nothing for image '", shown(view),
-                                   "', whose depth is there; make it anew for all images"));
+            throw in.wrong("", str("no entry for image '", shown(view),
+                                   "', which has a depth map; make the file again for all images"));
         const std::string where = shown(view);
         file.scale = in.number(where, own, "scale", 0);
         file.shift = in.number(where, own, "offset", 0);

@@ -53,12 +53,10 @@ void throw_camera_model(const std::string& path,
                         const std::string& model) {
     throw input_error(
         "E_CAMERA_MODEL: ", path, ": camera ", camera_id, " uses ", model,
-        "; expected PINHOLE, SIMPLE_PINHOLE or a model that tvsgs undistorts: SIMPLE_RADIAL, "
-        "RADIAL, "
-        "OPENCV, FULL_OPENCV, FOV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
-        "THIN_PRISM_FISHEYE, SIMPLE_FISHEYE, FISHEYE. Run \"colmap image_undistorter\" and pass "
-        "its "
-        "output folder, or calibrate with one of these models.");
+        "; expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, "
+        "OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE, SIMPLE_FISHEYE "
+        "or FISHEYE. Run \"colmap image_undistorter\" and give its output folder, or calibrate "
+        "with one of these models.");
 }
 
 namespace {
@@ -169,13 +167,14 @@ Intrinsics make_intrinsics(const std::string& path,
     const double size = static_cast<double>(std::max(width, height));
     for (const double f : {in.fx_px, in.fy_px})
         if (f < 0.05 * size || f > 100 * size) {
-            spdlog::warn("{}: focal length {} px is unusual for an image of {}x{}", where, f, width,
-                         height);
+            spdlog::warn(
+                "{}: focal length {} px is unusual for {}x{} pixels; is the calibration right?",
+                where, f, width, height);
             break;
         }
     if (in.cx_px < 0 || in.cx_px > in.width_px || in.cy_px < 0 || in.cy_px > in.height_px)
-        spdlog::warn("{}: principal point ({}, {}) lies outside the image", where, in.cx_px,
-                     in.cy_px);
+        spdlog::warn("{}: principal point ({}, {}) is outside the image; is the calibration right?",
+                     where, in.cx_px, in.cy_px);
 
     const bool zero = d.p1 == 0 && d.p2 == 0 &&
                       std::all_of(std::begin(d.k), std::end(d.k), [](double k) { return k == 0; });
@@ -183,10 +182,10 @@ Intrinsics make_intrinsics(const std::string& path,
     constexpr double kLeastShare = 0.2;
     if (d.kind != Distortion::Kind::none)
         if (const double share = 1 - undistortion_loss(in, 64).empty; share < kLeastShare)
-            throw input_error("E_CAMERA_PARAMS: ", where, ": its distortion leaves ",
-                              std::round(1000 * share) / 10,
-                              " % of the picture when it is undone, expected ", 100 * kLeastShare,
-                              " % or more; are the coefficients in the model's order?");
+            throw input_error("E_CAMERA_PARAMS: ", where, ": undistortion keeps ",
+                              std::round(1000 * share) / 10, " % of the picture, expected ",
+                              100 * kLeastShare,
+                              " % or more; are the coefficients in the order of the model?");
     return in;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 
+#include "core/grouped.h"
 #include "core/log.h"
 #include "io/files/read_file.h"
 
@@ -35,7 +36,7 @@ public:
     }
     std::string get_name() {
         const std::size_t end = bytes_.find('\0', offset_);
-        if (end == std::string::npos) corrupt("a name without end");
+        if (end == std::string::npos) corrupt("a name has no end");
         std::string name = bytes_.substr(offset_, end - offset_);
         offset_ = end + 1;
         return name;
@@ -56,8 +57,7 @@ public:
     }
     void start_record(std::size_t number) { record_ = number; }
     void finish() const {
-        if (left() > 0)
-            spdlog::warn("{}: {} bytes after the last record were ignored", path_, left());
+        if (left() > 0) spdlog::warn("{}: ignored {} bytes after the last record", path_, left());
     }
     std::string where() const { return str(path_, ": record ", record_); }
     const std::string& path() const { return path_; }
@@ -183,8 +183,7 @@ void add_image(ColmapModel& model, const std::string& where, ColmapImage image, 
     const std::string who = str(where, ": image '", image.name, "'");
     const Vec3d t = image.camera_from_world.t;
     if (!std::isfinite(q.w + q.x + q.y + q.z) || !is_finite(t))
-        throw input_error("E_POSE_NAN: ", who,
-                          ": the pose holds a number that is not finite; remove the image");
+        throw input_error("E_POSE_NAN: ", who, ": the pose is not finite; remove the image");
     constexpr double kFarthest = 1e9;  // world units, as for points: float has no precision beyond
     if (!(std::abs(t.x) <= kFarthest && std::abs(t.y) <= kFarthest && std::abs(t.z) <= kFarthest))
         throw input_error("E_POSE_RANGE: ", who, ": translation (", t.x, ", ", t.y, ", ", t.z,
@@ -193,7 +192,7 @@ void add_image(ColmapModel& model, const std::string& where, ColmapImage image, 
     if (!(length >= 1e-8 && std::isfinite(length)))
         throw input_error("E_POSE_QUAT: ", who, ": quaternion of length ", length, "; expected 1");
     if (std::abs(length - 1) > 1e-3)
-        spdlog::warn("{}: quaternion of length {} was normalised", who, length);
+        spdlog::warn("{}: normalised a quaternion of length {}", who, length);
     image.camera_from_world.R = rotation(normalize(q));
     model.images.push_back(std::move(image));
 }
@@ -249,9 +248,8 @@ void read_images(TextReader&& in, ColmapModel& model) {
 
 void check_images(const std::string& path, ColmapModel& model) {
     if (model.images.empty())
-        throw input_error(
-            "E_NO_IMAGES: ", path,
-            ": lists no image; was the reconstruction empty? Run COLMAP's mapper again");
+        throw input_error("E_NO_IMAGES: ", path,
+                          ": no images; was the reconstruction empty? Run COLMAP's mapper again");
     std::set<std::uint32_t> ids;
     for (const ColmapImage& image : model.images) {
         if (!ids.insert(image.id).second)
@@ -296,8 +294,8 @@ struct PointCollector {
     }
     ColmapPoints finish(const std::string& path) {
         if (dropped > 0)
-            spdlog::warn("{}: {} points were dropped: positions not finite or beyond 1e9", path,
-                         dropped);
+            spdlog::warn("{}: dropped {} points: positions not finite or beyond 1e9", path,
+                         grouped(dropped));
         return std::move(points);
     }
     PointCollector() { points.track_begin.push_back(0); }

@@ -25,13 +25,13 @@ std::string find_camera_file(const SceneOptions& options) {
                       plain = (scene / "cameras.npz").string();
     if (!fs::exists(sphere) && !fs::exists(plain))
         throw input_error("E_SCENE_LAYOUT: ", options.path,
-                          ": neither cameras_sphere.npz nor cameras.npz");
+                          ": no cameras_sphere.npz or cameras.npz");
     if (!fs::exists(sphere) || !fs::exists(plain)) return fs::exists(sphere) ? sphere : plain;
     const NpzCameras a = read_npz_cameras(sphere), b = read_npz_cameras(plain);
     if (std::abs(a.scale - b.scale) > 1e-6 * a.scale || norm(a.offset - b.offset) > 1e-6 * a.scale)
         throw input_error("E_SCALE_MAT: ", options.path,
-                          ": cameras_sphere.npz and cameras.npz have different scale_mat_0; choose "
-                          "one by scene.cameras_file, and evaluate with the same");
+                          ": cameras_sphere.npz and cameras.npz differ in scale_mat_0; choose one "
+                          "with scene.cameras_file, and evaluate with the same");
     return sphere;
 }
 
@@ -73,7 +73,7 @@ SceneLayout read_npz_layout(const SceneOptions& options) {
                                   camera.cy_px + options.pixel_offset}),
                  pose);
     }
-    spdlog::info("{}: {} cameras, normalised by scale_mat_0: 1 unit is {:.6g} of the world",
+    spdlog::info("{}: {} cameras, normalised by scale_mat_0: 1 unit is {:.6g} world units",
                  layout.source, cameras.views.size(), cameras.scale);
     return finished(std::move(layout));
 }
@@ -99,7 +99,8 @@ SceneLayout read_mvsnet_layout(const SceneOptions& options) {
             for (int i = 0; i < count; ++i)
                 if (const auto word = next_word(rest); !parse_number(word, to[i]))
                     throw input_error("E_MVSNET_CAM: ", path, ": '", shown(word),
-                                      "' is no number; expected ", count, " in this matrix");
+                                      "' is not a number; expected ", count,
+                                      " numbers in this matrix");
         };
         double pose[16], K[9];
         expect("extrinsic"), read(pose, 16);
@@ -118,7 +119,7 @@ SceneLayout read_mvsnet_layout(const SceneOptions& options) {
                 throw input_error("E_CAM_SCALE: ", path, ": the principal point is at ", K[2],
                                   " px, for an image ", size.width, " px wide");
             if (cameras == 1)
-                spdlog::info("{}: cameras of images reduced {:g} times were scaled up", path, q);
+                spdlog::info("{}: scaled up cameras of images reduced {:g} times", path, q);
         }
         add_view(
             layout, name,

@@ -22,7 +22,7 @@ struct TransformsReader {
     explicit TransformsReader(const std::string& p) : path(p), file(read_json_file(p)) {
         if (!file.is_object()) throw wrong("not a JSON object");
         if (!file.contains("frames") || !file["frames"].is_array() || file["frames"].empty())
-            throw wrong("has no frames; expected a list \"frames\"");
+            throw wrong("no frames; expected a list \"frames\"");
     }
     Error wrong(const std::string& what) const {
         return input_error("E_TRANSFORMS: ", path, ": ", what);
@@ -31,14 +31,14 @@ struct TransformsReader {
     std::optional<double> number(const json& frame, const char* key) const {
         for (const json* object : {&frame, &file})
             if (object->contains(key)) {
-                if (!(*object)[key].is_number()) throw wrong(str("'", key, "' is no number"));
+                if (!(*object)[key].is_number()) throw wrong(str("'", key, "' is not a number"));
                 return (*object)[key].get<double>();
             }
         return std::nullopt;
     }
     std::string text(const json& object, const char* key) const {
         if (!object.contains(key)) return "";
-        if (!object[key].is_string()) throw wrong(str("'", key, "' is no text"));
+        if (!object[key].is_string()) throw wrong(str("'", key, "' is not text"));
         return object[key].get<std::string>();
     }
     /// The file's name relative to the scene.
@@ -72,7 +72,7 @@ struct TransformsReader {
                     R[r][c] = c == 0 ? v : -v;
             }
         }
-        if (!fits) throw wrong("a transform_matrix is neither 4x4 nor 3x4");
+        if (!fits) throw wrong("transform_matrix: expected 4x4 or 3x4 numbers");
         return inverse(checked_pose(R, t, where));
     }
     Intrinsics camera(const json& frame, const std::string& image) const {
@@ -88,7 +88,7 @@ struct TransformsReader {
         if (!fx)
             if (const auto angle = number(frame, "camera_angle_x"))
                 fx = 0.5 * *w / std::tan(0.5 * *angle);
-        if (!fx) throw wrong("neither fl_x nor camera_angle_x: the focal length is not known");
+        if (!fx) throw wrong("no focal length; expected fl_x or camera_angle_x");
         const auto value = [&](const char* key, double fallback) {
             return number(frame, key).value_or(fallback);
         };

@@ -40,15 +40,15 @@ ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was
     };
     if (!as_stored && !sideways)
         throw wrong(
-            "; pass the folder of the images that the cameras were computed for (--images)");
+            "; give the folder of the images that the cameras were computed from (--images)");
     const std::string bytes = read_bytes(file);
     if (as_stored) return decode_image(file, bytes);
     const int orientation = read_exif(bytes).orientation;
     if (!swaps_sides(orientation))
         throw wrong(
-            " (turned, as by EXIF orientation 6, which this file no longer says: the poses were "
-            "computed on rotated pixels); rotate the image, or pass the folder of the images that "
-            "the cameras were computed for (--images)");
+            " (turned by 90 degrees, and the file has lost its EXIF orientation); rotate the "
+            "image, or give the folder of the images that the cameras were computed from "
+            "(--images)");
     was_turned = true;
     return turned(decode_image(file, bytes), orientation);
 }
@@ -58,7 +58,7 @@ void check_mask_size(const std::string& file, const ImageU8& mask, const ImageU8
     if (same_shape(mask.width, mask.height, photo.width, photo.height)) return;
     throw input_error("E_MASKS: ", file, ": ", mask.width, "x", mask.height,
                       " pixels; its image has ", photo.width, "x", photo.height,
-                      "; expected that size or the same shape: make the masks from these images");
+                      "; expected that size or shape: make the masks from these images");
 }
 
 void threshold(ImageU8& mask) {
@@ -194,10 +194,8 @@ std::vector<View> load_views(const std::vector<ViewSource>& sources,
         progress.advance();
     });
     if (turns > 0)
-        spdlog::info(
-            "{} of {} photographs were turned by their EXIF orientation, as their cameras have "
-            "them",
-            turns.load(), views.size());
+        spdlog::info("Turned {} of {} photographs by their EXIF orientation", turns.load(),
+                     views.size());
     return views;
 }
 
@@ -216,10 +214,10 @@ void log_undistortion(const std::vector<ViewSource>& sources) {
         lenses[in.model].cropped.add(loss.cropped), lenses[in.model].empty.add(loss.empty);
     }
     for (const auto& [model, lens] : lenses)
-        spdlog::info("lens: {} undistorted, {} % of the pixels cropped{}", model,
+        spdlog::info("Undistorted lens {}: cropped {} % of the pixels{}", model,
                      lens.cropped.text(),
                      lens.empty.most >= 0.0005
-                         ? str(", ", lens.empty.text(), " % of the views empty and masked")
+                         ? str(", ", lens.empty.text(), " % of the views are empty and masked")
                          : "");
 }
 
@@ -239,8 +237,8 @@ void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vect
     if (!first) return;
     const ImageU8 mask = read_image(*first->mask_file, 1);
     spdlog::warn(
-        "{} of {} masks have no pixel of the object, such as {}: its largest value is {}, where "
-        "255 is object, and what is below 128 is not; nothing of these views gets into a mesh",
+        "{} of {} masks are empty, such as {}: its largest value is {}, and the object needs 128 "
+        "to 255; a mesh gets nothing from these photographs",
         empty, masked, *first->mask_file,
         *std::max_element(mask.pixels.begin(), mask.pixels.end()));
 }

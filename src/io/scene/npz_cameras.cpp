@@ -20,8 +20,7 @@ const std::vector<double>& matrix(const NpzArchive& archive,
     if (!fits) throw input_error("E_NPZ_CAMERAS: ", path, ": ", name, " is not a 4x4 matrix");
     for (const double entry : array.numbers)
         if (!std::isfinite(entry))
-            throw input_error("E_NPZ_CAMERAS: ", path, ": ", name,
-                              " holds a number that is not finite");
+            throw input_error("E_NPZ_CAMERAS: ", path, ": ", name, " is not finite");
     return array.numbers;
 }
 
@@ -57,7 +56,7 @@ NpzCamera take_apart(const std::vector<double>& m, const std::string& where) {
     camera.fx_px = k00 / k22, camera.fy_px = k11 / k22;
     camera.cx_px = k02 / k22, camera.cy_px = k12 / k22;
     if (std::abs(k01 / k22) > 0.1)
-        spdlog::warn("{}: a skew of {:.3g} px is left out", where, k01 / k22);
+        spdlog::warn("{}: ignored a skew of {:.3g} px", where, k01 / k22);
     for (int j = 0; j < 3; ++j)
         camera.camera_from_world.R[0][j] = r0[j], camera.camera_from_world.R[1][j] = r1[j],
         camera.camera_from_world.R[2][j] = r2[j];
@@ -85,7 +84,7 @@ NpzCameras read_npz_cameras(const std::string& path) {
                 uniform = uniform && std::abs(m[4 * r + c] - (r == c ? s : 0)) <= 1e-4 * s;
         if (!uniform)
             throw input_error("E_SCALE_MAT: ", path, ": ", scale_name,
-                              " is no uniform scale with a shift");
+                              ": expected a uniform scale and a shift");
         if (i == 0) {
             cameras.scale = s, cameras.offset = offset;
         } else if (std::abs(s - cameras.scale) > 1e-4 * s ||
@@ -95,8 +94,9 @@ NpzCameras read_npz_cameras(const std::string& path) {
         }
     }
     if (cameras.views.empty())
-        throw input_error("E_NPZ_CAMERAS: ", path, ": holds no world_mat_0; expected world_mat_i ",
-                          "and scale_mat_i, as IDR and NeuS write them");
+        throw input_error(
+            "E_NPZ_CAMERAS: ", path,
+            ": no world_mat_0; expected world_mat_i and scale_mat_i, as of IDR and NeuS");
     return cameras;
 }
 

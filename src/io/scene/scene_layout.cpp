@@ -34,17 +34,17 @@ bool has_mvsnet(const fs::path& scene) {
 SceneLayout read_colmap_layout(const SceneOptions& options) {
     const fs::path scene(options.path);
     std::string tried;
+    bool incomplete = false;
     for (const char* folder : kModelFolders) {
         const std::string path = (scene / folder).string();
         const std::vector<std::string> missing = missing_colmap_files(path);
         if (!missing.empty()) {
             tried += "\n  " + path;
-            if (missing.size() == 1) tried += str(" (there is no ", missing[0], ")");
+            if (missing.size() == 1) tried += str(" (no ", missing[0], ")"), incomplete = true;
             continue;
         }
         if (std::string(folder) == "sparse/0" && has(scene, "sparse/1"))
-            spdlog::warn("{}: COLMAP split this scene into several models; only sparse/0 is used",
-                         options.path);
+            spdlog::warn("{}: COLMAP made several models; only sparse/0 is used", options.path);
         SceneLayout layout;
         layout.format = "colmap", layout.source = path;
         layout.model = read_colmap_model(path);
@@ -55,15 +55,16 @@ SceneLayout read_colmap_layout(const SceneOptions& options) {
     for (const fs::path& folder : {scene, scene / options.images})
         if (photographs.empty() && !image_names(folder.string()).empty())
             photographs = folder.string();
-    throw input_error(
-        "E_SCENE_LAYOUT: ", options.path,
-        photographs.empty() ? ": no"
-                            : str(": holds photographs without cameras; `tvsgs-prepare ",
-                                  photographs, " SCENE` finds them.\n  There is no"),
-        " COLMAP model, cameras.{bin,txt} and images.{bin,txt}, in any of", tried,
-        "\n  and neither transforms_train.json (Blender), transforms.json (nerfstudio), "
-        "cameras_sphere.npz or cameras.npz (IDR, NeuS) nor cams/*_cam.txt (MVSNet).\n  Pass the "
-        "folder that holds sparse/ and the images.");
+    const std::string expected =
+        str(": no COLMAP model (cameras.{bin,txt} and images.{bin,txt}) in", tried,
+            "\n  and no transforms_train.json (Blender), transforms.json (nerfstudio), "
+            "cameras_sphere.npz or cameras.npz (IDR, NeuS) or cams/*_cam.txt (MVSNet).\n  Give the "
+            "folder that holds sparse/ and the images.");
+    if (photographs.empty() || incomplete)
+        throw input_error("E_SCENE_LAYOUT: ", options.path, expected);
+    spdlog::debug("{}{}", options.path, expected);
+    throw input_error("E_SCENE_LAYOUT: ", options.path,
+                      ": no camera positions. Run:\n    tvsgs-prepare ", photographs, " SCENE");
 }
 
 }  // namespace
@@ -73,7 +74,7 @@ SceneLayout read_layout(const SceneOptions& options) {
     std::error_code no_matter;
     if (!fs::is_directory(scene, no_matter))
         throw input_error("E_SCENE_LAYOUT: ", options.path,
-                          fs::exists(scene, no_matter) ? ": is a file" : ": does not exist",
+                          fs::exists(scene, no_matter) ? ": is a file" : ": not found",
                           "; expected the folder that holds sparse/ and the images");
     SceneFormat format = options.format;
     const bool colmap =
@@ -125,8 +126,8 @@ std::string find_image_folder(const SceneOptions& options,
         if (!image_names(folder).empty()) return folder;
         tried += (tried.empty() ? "" : ", ") + folder;
     }
-    throw input_error("E_NO_IMAGES: ", options.path, ": no photographs in any of ", tried,
-                      "; name the folder with --images");
+    throw input_error("E_NO_IMAGES: ", options.path, ": no photographs in ", tried,
+                      "; give their folder with --images");
 }
 
 void add_view(SceneLayout& layout,
@@ -142,8 +143,7 @@ Rigid3d checked_pose(const Mat3<double>& R, Vec3d t, const std::string& where) {
     bool finite = is_finite(t);
     for (int i = 0; i < 3; ++i) finite = finite && is_finite(column(R, i));
     if (!finite)
-        throw input_error("E_POSE_NAN: ", where,
-                          ": the pose holds a number that is not finite; remove the image");
+        throw input_error("E_POSE_NAN: ", where, ": the pose is not finite; remove the image");
     const Mat3<double> square = R * transpose(R);
     double worst = 0;
     for (int i = 0; i < 3; ++i)
@@ -151,9 +151,11 @@ Rigid3d checked_pose(const Mat3<double>& R, Vec3d t, const std::string& where) {
             worst = std::max(worst, std::abs(square[i][j] - (i == j ? 1 : 0)));
     const double det = dot(column(R, 0), cross(column(R, 1), column(R, 2)));
     if (!(worst <= 1e-3 && det > 0))
-        throw input_error(
-            "E_POSE_ROT: ", where, ": the 3x3 part of the pose is no rotation (off by ", worst,
-            ", determinant ", det, "); a scale in the poses has to be taken out first");
+        throw input_error("E_POSE_ROT: ", where, ": ",
+                          det < 0
+                              ? std::string("this pose is mirrored: check the axis convention")
+                              : str("the 3x3 part of the pose is not a rotation (error ", worst,
+                                    ", determinant ", det, "); remove the scale from the poses"));
     const Vec3d z = normalize(column(R, 2)), y = normalize(cross(z, column(R, 0))), x = cross(y, z);
     Rigid3d pose;
     for (int i = 0; i < 3; ++i) pose.R[i][0] = x[i], pose.R[i][1] = y[i], pose.R[i][2] = z[i];
@@ -170,7 +172,7 @@ SceneLayout empty_layout(const char* format, const std::string& source, const st
 SceneLayout finished(SceneLayout layout) {
     auto& images = layout.model.images;
     if (images.empty())
-        throw input_error("E_NO_IMAGES: ", layout.source, ": none of its images is there");
+        throw input_error("E_NO_IMAGES: ", layout.source, ": none of its images was found");
     std::sort(images.begin(), images.end(), [](auto& a, auto& b) { return a.name < b.name; });
     const auto same = std::adjacent_find(images.begin(), images.end(),
                                          [](auto& a, auto& b) { return a.name == b.name; });

@@ -46,41 +46,44 @@ struct SceneOptions {
     /// The fields that belong to a run's configuration.
     template <class Visitor>
     void fields(Visitor& field) {
-        field("path", path, "folder of the scene");
+        field("path", path, "folder of the scene: photographs and their cameras");
         field.choice("format", format, {"auto", "colmap", "blender", "nerfstudio", "idr", "mvsnet"},
                      "layout of the folder; auto: the first that fits");
         field("cameras_file", cameras_file,
-              "idr: file with the cameras; empty: cameras_sphere.npz or cameras.npz");
+              "file with the cameras, for idr; empty: cameras_sphere.npz or cameras.npz");
         field("pixel_offset", pixel_offset, {-1, 1},
-              "idr, mvsnet: added to principal points; 0.5 where the file counts pixel centres as "
-              "integers, 0 where it counts from the corner");
-        field("images", images, "folder of the photographs inside the scene");
-        field("resolution", resolution, {-1, 65535},
-              "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
+              "added to principal points, pixels, for idr and mvsnet; 0.5: pixel centres at "
+              "integers, 0: pixel corners at integers");
+        field("images", images, "folder of the photographs, inside the scene");
+        field(
+            "resolution", resolution, {-1, 65535},
+            "1, 2, 4, 8: divide the size by it; -1: at most 1600 px wide; other: width in pixels");
         field("grey_scale", grey_scale, {0.05, 1},
-              "for matching patches between views: training size over that of the grey images, "
-              "which never exceed the files'; 1: the training size");
-        field("split", split, "list of splits.json to train on; its list 'test' is tested");
-        field("train_list", train_list, "file with one training image per line");
-        field("test_list", test_list, "file with one test image per line");
-        field("views", views, "training views by index into the sorted images: 23,24,33");
+              "training size divided by the size of the grey images for patch matching, which "
+              "never exceed the files; 1: training size");
+        field("split", split,
+              "list of splits.json to train on; its list 'test' gives the test views; empty: none");
+        field("train_list", train_list, "file of training images, one per line; empty: none");
+        field("test_list", test_list, "file of test images, one per line; empty: none");
+        field("views", views,
+              "training views by index into the sorted images, such as 23,24,33; empty: all");
         field("held_out", held_out,
-              "image that would train and is tested instead; --until converged chooses one where "
+              "training image to use as the test view; empty: --until converged chooses one if "
               "there are no test views");
-        field("num_views", num_views, {0, 1e6}, "that many training views, evenly chosen; 0: all");
-        field("eval", eval, "every test_every-th view is a test view");
-        field("test_every", test_every, {2, 1e6}, "distance of the test views");
+        field("num_views", num_views, {0, 1e6}, "use N evenly spaced training views; 0: all");
+        field("eval", eval, "make every test_every-th view a test view");
+        field("test_every", test_every, {2, 1e6}, "every Nth view is a test view, with scene.eval");
         field("masks", masks, "folder of the masks; empty: mask/, masks/ or the alpha channel");
-        field("init_ply", init_ply, "initial cloud instead of the model's points");
-        field.choice("photos", photos, {"auto", "memory", "file"},
-                     "where decoded photographs and masks are: memory; file: an unnamed one, which "
-                     "is mapped, so that there may be more of them than memory holds; auto: file "
-                     "from a quarter of the free memory on");
+        field("init_ply", init_ply, "start cloud (PLY); empty: the points of the scene");
+        field.choice(
+            "photos", photos, {"auto", "memory", "file"},
+            "place of decoded photographs: memory; file: a temporary mapped file, for more "
+            "photographs than memory holds; auto: file from a quarter of the free memory on");
         field("photo_folder", photo_folder,
-              "folder of that file, on a disk with room for 3 to 5 bytes per pixel of all views; "
-              "empty: where the results go");
+              "folder of that file, needs 3 to 5 bytes per pixel of all photographs; empty: the "
+              "run folder");
         field("center_principal_point", center_principal_point,
-              "principal point at the image centre, as the official codes");
+              "move the principal point to the image centre, as the official codes do");
     }
 };
 

@@ -12,6 +12,7 @@
 
 #include "core/device/buffer.h"
 #include "core/device/parallel_lists.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
@@ -77,7 +78,7 @@ public:
                                                               : fs::path(options.masks);
             if (!fs::is_directory(folder_))
                 throw input_error("E_MASKS: ", options.masks,
-                                  ": no such folder, neither in the scene nor here");
+                                  ": folder not found, neither in the scene nor here");
         } else {
             for (const char* name : {"mask", "masks"})
                 if (folder_.empty() && fs::is_directory(scene / name)) folder_ = scene / name;
@@ -146,10 +147,10 @@ std::size_t drop_unusable(PointCloud& cloud, const std::string& source) {
         numbers_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
     const std::size_t repeated = order.size() - kept.size();
     if (not_finite > 0)
-        spdlog::warn("{}: {} points were dropped: positions not finite or beyond 1e9", source,
-                     not_finite);
+        spdlog::warn("{}: dropped {} points: positions not finite or beyond 1e9", source,
+                     grouped(not_finite));
     if (repeated > 0)
-        spdlog::warn("{}: {} points were dropped: repeated positions", source, repeated);
+        spdlog::warn("{}: dropped {} points: repeated positions", source, grouped(repeated));
     if (not_finite + repeated == 0) return 0;
     const auto compact = [&](auto& values) {
         if (!values.empty()) values = taken(values, kept);
@@ -177,7 +178,7 @@ PointCloud initial_points(const SceneOptions& options,
     if (!options.init_ply.empty()) {
         PointCloud cloud = from_ply(options.init_ply);
         if (cloud.positions.empty())
-            throw input_error("E_NO_POINTS: ", options.init_ply, ": holds no usable point");
+            throw input_error("E_NO_POINTS: ", options.init_ply, ": no usable points");
         return cloud;
     }
 
@@ -204,8 +205,8 @@ PointCloud initial_points(const SceneOptions& options,
         cloud.colors.push_back(points.colors[i]);
     }
     if (subset && !points.positions.empty())
-        spdlog::info("{} of the model's {} points are seen by two training views",
-                     cloud.positions.size(), points.positions.size());
+        spdlog::info("Two training views see {} of the {} points of the scene",
+                     grouped(cloud.positions.size()), grouped(points.positions.size()));
     drop_unusable(cloud, model_folder);
     // The points of Blender scenes do not come from photographs.
     const bool may_use = !subset || layout.format == "blender";
@@ -213,12 +214,12 @@ PointCloud initial_points(const SceneOptions& options,
         colmap ? (fs::path(model_folder) / "points3D.ply").string() : layout.points;
     if (cloud.positions.empty() && may_use && is_file(ply)) cloud = from_ply(ply);
     if (cloud.positions.empty() && options.points_required)
-        throw input_error(
-            "E_NO_POINTS: ", model_folder, ": no initial points",
-            subset ? str(" (", points.positions.size(), " in the model, none seen by two of the ",
-                         train.size(), " training views)")
-                   : "",
-            "; pass --init-ply, for instance a dense cloud of a multi-view stereo program");
+        throw input_error("E_NO_POINTS: ", model_folder, ": no start points",
+                          subset ? str(" (", grouped(points.positions.size()),
+                                       " in the scene, none seen by two of the ", train.size(),
+                                       " training views)")
+                                 : "",
+                          "; give a cloud with --init-ply, for example from tvsgs-init");
     return cloud;
 }
 
@@ -249,7 +250,7 @@ float scene_extent(const Scene& scene) {
     const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
     std::nth_element(distances.begin(), middle, distances.end());
     spdlog::warn(
-        "{}: all training cameras stand at one place; the extent is the median distance of the "
+        "{}: all training cameras are at one place; the scene extent is the median distance of the "
         "points, {}",
         scene.path, *middle);
     return *middle;
@@ -293,21 +294,27 @@ ChosenViews choose_views(const SceneOptions& options) {
         std::vector<std::string> names;
         std::vector<std::optional<std::string>> files;
         std::vector<bool> exists;
+        constexpr std::size_t kShown = 3;
+        std::size_t missing = 0;
+        std::string lost;  // names of missing images
         for (const ColmapImage& image : model.images) {
             names.push_back(image.name);
             files.push_back(image_finder.find(image.name));
             exists.push_back(files.back().has_value());
+            if (!files.back() && ++missing <= kShown)
+                lost += (missing > 1 ? ", " : "") + image.name;
         }
-        const auto missing = std::count(exists.begin(), exists.end(), false);
-        if (missing == static_cast<std::ptrdiff_t>(names.size()))
-            throw input_error(
-                "E_NO_IMAGES: ", image_folder.string(), ": ",
-                fs::is_directory(image_folder) ? "holds none of" : "no such folder for",
-                " the model's ", names.size(), " images", str(", such as '", names[0], "'"),
-                "; name the folder with --images");
+        if (missing > kShown) lost += ", ...";
+        if (missing == names.size())
+            throw input_error("E_NO_IMAGES: ", image_folder.string(), ": ",
+                              fs::is_directory(image_folder) ? "none of" : "folder not found for",
+                              " the ", names.size(), " images of the scene",
+                              str(fs::is_directory(image_folder) ? " is there" : "", ", such as '",
+                                  names[0], "'"),
+                              "; give their folder with --images");
         if (missing > 0)
-            spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",
-                         image_folder.string(), missing, names.size());
+            spdlog::warn("{}: not found, skipped: {} ({} of {})", image_folder.string(), lost,
+                         missing, names.size());
         ViewSplit split = split_views(options, names, exists, layout.train, layout.test);
         return ChosenViews{std::move(layout), std::move(files), std::move(split)};
     });
@@ -370,8 +377,8 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         scene.origin = origin_of(model);
         if (norm(scene.origin) > 0)
             spdlog::info(
-                "{}: the cameras stand far from zero, so all is computed in a frame at ({}, {}, "
-                "{}); files have coordinates as given",
+                "{}: the cameras are far from zero; computes in a frame at ({}, {}, {}), files "
+                "keep the coordinates of the scene",
                 options.path, scene.origin.x, scene.origin.y, scene.origin.z);
         const PhotoStorage storage = photo_storage(chosen, options);
         std::optional<PixelFile> file;
@@ -380,7 +387,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
                 options.photo_folder.empty() ? options.scratch : options.photo_folder;
             file.emplace(folder);
             spdlog::info(
-                "photographs in a file in {}: {}", folder.empty() ? "." : folder,
+                "Photographs are kept in a file in {}: {}", folder.empty() ? "." : folder,
                 options.photos == PhotoPlace::file ? "scene.photos=file" : storage.reason());
         }
         PixelFile* const to = file ? &*file : nullptr;
@@ -395,8 +402,8 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
                           std::abs(view.intrinsics.cy_px / view.intrinsics.height_px - 0.5)});
         if (offset > 0.01 && !options.center_principal_point)
             spdlog::info(
-                "{}: the principal point is used as given, {:.1f} % off the centre (the official "
-                "codes assume the centre)",
+                "{}: the principal point is {:.1f} % off the image centre and used as given (the "
+                "official codes assume the centre)",
                 options.path, 100 * offset);
 
         // 2. Initial cloud.

@@ -122,15 +122,14 @@ CentrePairs pair_trajectories(const std::string& trajectory, const std::string& 
         throw input_error("E_TNT_TRAJ: ", trajectory, ": ", from.size(), " cameras, of which ",
                           pairs.from.size(), " match the ", to.size(), " of ", log, " by ",
                           pairs.matched_by,
-                          "; at least 6 are needed: pass the trajectory of the frame that was "
-                          "trained in");
+                          "; expected at least 6: give the trajectory of the training");
     return pairs;
 }
 
 Affine3d read_transform(const std::string& path) {
     Words words(path, "E_TNT_TRANS");
     const Affine3d T = words.matrix();
-    if (!words.at_end()) throw words.wrong("more than a 4x4 matrix");
+    if (!words.at_end()) throw words.wrong("text after the 4x4 matrix");
     if (!(determinant(T.A) > 0))
         throw words.wrong(str("the matrix has determinant ", determinant(T.A),
                               ", expected a similarity: rotation times a positive scale"));

@@ -42,11 +42,12 @@ public:
         int number = -1;
         if (!ambiguous && parse_number(wanted, number) && number >= 0 && number < count_)
             return number;
-        throw input_error("E_SPLIT: ", source, ": '", wanted, "' ",
-                          ambiguous ? "names several images; give the relative path"
-                                    : str("names none of the ", count_,
-                                          " images of the model; expected a "
-                                          "relative path, a name without extension or an index"));
+        throw input_error(
+            "E_SPLIT: ", source, ": '", wanted, "' ",
+            ambiguous
+                ? "fits several images; give the relative path"
+                : str("fits none of the ", count_,
+                      " images; expected a relative path, a name without extension or an index"));
     }
 
 private:
@@ -78,9 +79,9 @@ std::vector<int> parse_indices(std::string_view text) {
         const std::size_t comma = std::min(rest.find(','), rest.size());
         int index = -1;
         if (!parse_number(trimmed(rest.substr(0, comma)), index))
-            throw Error(
-                ExitCode::usage,
-                str("--views ", text, ": expected indices with commas between, such as 23,24,33"));
+            throw Error(ExitCode::usage,
+                        str("--views ", text,
+                            ": expected indices with commas between them, such as 23,24,33"));
         indices.push_back(index);
         rest.remove_prefix(std::min(comma + 1, rest.size()));
     }
@@ -98,14 +99,14 @@ NamedLists lists_of_split(const SceneOptions& options) {
     if (!fs::exists(path)) path = (fs::path(options.path) / "split.json").string();
     if (!fs::exists(path))
         throw input_error("E_SPLIT: ", options.path, ": --split ", options.split,
-                          " needs splits.json (or split.json) in the scene; found neither. Use "
+                          " needs splits.json (or split.json) in the scene; add it, or use "
                           "--train-list, --views or --eval");
     const auto lists = read_json_lists(path);
     const auto train = lists.find(options.split);
     if (train == lists.end()) {
         std::string known;
         for (const auto& [name, list] : lists) known += str(known.empty() ? "" : ", ", name);
-        throw input_error("E_SPLIT: ", path, ": no list '", options.split, "'; it holds ",
+        throw input_error("E_SPLIT: ", path, ": no list '", options.split, "'; it has ",
                           known.empty() ? "no list of names" : known);
     }
     if (train->second.empty())
@@ -117,8 +118,8 @@ NamedLists lists_of_split(const SceneOptions& options) {
         test_name = "test";
     const auto test = lists.find(test_name);
     if (test == train)
-        throw Error(ExitCode::usage,
-                    str("--split test: ", path, ": 'test' is the list of test views"));
+        throw Error(ExitCode::usage, str("--split test: 'test' is the list of test views in ", path,
+                                         "; choose a training list"));
     return {train->second, test == lists.end() ? std::vector<std::string>{} : test->second,
             str(path, ": list '", options.split, "'"), str(path, ": list '", test_name, "'")};
 }
@@ -177,19 +178,18 @@ ViewSplit split_views(const SceneOptions& options,
         return std::binary_search(split.train.begin(), split.train.end(), i);
     });
     if (overlap > 0)
-        spdlog::warn("{} views are in both lists: they train and are not tested", overlap);
+        spdlog::warn("{} views are in both lists; they are used for training only", overlap);
 
     // 2. The chosen training views.
     if (!options.views.empty()) {
         const std::vector<int> chosen = parse_indices(options.views);
         for (const int i : chosen) {
             if (i < 0 || i >= count)
-                throw Error(ExitCode::usage,
-                            str("--views ", i, ": the model has views 0 to ", count - 1));
+                throw Error(ExitCode::usage, str("--views ", i, ": expected 0 to ", count - 1));
             if (!std::binary_search(split.train.begin(), split.train.end(), i))
                 throw Error(ExitCode::usage,
                             str("--views ", i, ": '", names[static_cast<std::size_t>(i)],
-                                "' is not among the training views of the split"));
+                                "' is not a training view of the split"));
         }
         split.train = chosen;
         sort_unique(split.train);
@@ -201,18 +201,17 @@ ViewSplit split_views(const SceneOptions& options,
     if (train_was_listed)
         for (const int i : split.train)
             if (missing(i))
-                throw input_error("E_MISSING_IMAGE: training view '",
-                                  names[static_cast<std::size_t>(i)], "' is not in ",
-                                  (fs::path(options.path) / options.images).string(),
-                                  "; copy it there, name its folder with --images, or take it off "
-                                  "the list");
+                throw input_error(
+                    "E_MISSING_IMAGE: training view '", names[static_cast<std::size_t>(i)],
+                    "' is not in ", (fs::path(options.path) / options.images).string(),
+                    "; copy it there, give its folder with --images, or remove it from the list");
     std::erase_if(split.train, missing);
     std::erase_if(split.test, missing);
 
     if (options.num_views > 0) {
         const int available = static_cast<int>(split.train.size()), wanted = options.num_views;
         if (wanted > available)
-            spdlog::warn("--num-views {}: only {} training views exist; all are used", wanted,
+            spdlog::warn("--num-views {}: the scene has {} training views; all are used", wanted,
                          available);
         if (wanted < available) {
             std::vector<int> chosen;  // evenly spaced from first to last

@@ -123,8 +123,7 @@ public:
         const auto rest = std::string_view(bytes_).substr(offset_);
         if (!(ascii_ ? trimmed(rest) : rest).empty())
             spdlog::warn(
-                "{}: {} bytes after the last element were ignored; are the counts in its "
-                "header right?",
+                "{}: ignored {} bytes after the last element; are the counts in the header right?",
                 path_, rest.size());
     }
 
@@ -203,13 +202,14 @@ private:
         if (property.is_list) {
             property.count_type = type_of(next_word(line));
             if (property.count_type == Type::f32 || property.count_type == Type::f64)
-                header_error(str("line ", number, ": a list counted in floating point"));
+                header_error(str("line ", number, ": a list with a floating-point count"));
             word = next_word(line);
         }
         property.type = type_of(word);
         property.name = next_word(line);
         if (element.find(property.name) >= 0)
-            header_error(str("line ", number, ": property '", shown(property.name), "' twice"));
+            header_error(
+                str("line ", number, ": property '", shown(property.name), "' is given twice"));
         element.properties.push_back(property);
     }
 

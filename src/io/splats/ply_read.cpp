@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/smoothing_filter.h"
 #include "core/scene/splat_lists.h"
@@ -23,11 +24,11 @@ constexpr float kSh0 = 0.28209479177387814f;  // the constant spherical harmonic
 void check_vertices(const PlyReader& in, const Element& vertex) {
     for (const Property& property : vertex.properties)
         if (property.is_list)
-            in.header_error(str("the list '", shown(property.name), "' in the vertex element"));
+            in.header_error(str("a list, '", shown(property.name), "', in the vertex element"));
     if (!vertex.has({"x", "y", "z"})) in.header_error("the vertex element has no x, y and z");
     in.check_count(vertex);
     if (vertex.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()))
-        in.count_error(vertex, "more than 2^31 - 1 rows are not supported");
+        in.count_error(vertex, "more than 2^31 - 1 rows");
 }
 
 const Element& vertex_element(const PlyReader& in) {
@@ -119,7 +120,7 @@ void read_faces(PlyReader& in,
             for (const double index : list)
                 if (!(index >= 0 && index < vertex_count) || index != std::floor(index))
                     throw input_error("E_PLY_FACE: ", in.path(), ": face ", i, " refers to vertex ",
-                                      index, ", but there are ", vertex_count);
+                                      index, " of ", vertex_count);
             for (std::size_t k = 2; k < list.size(); ++k)
                 faces.push_back({static_cast<int>(list[0]), static_cast<int>(list[k - 1]),
                                  static_cast<int>(list[k])});
@@ -138,10 +139,9 @@ struct SplatColumns {
 SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
     if (!vertex.has({"opacity", "scale_0", "scale_1", "rot_0", "rot_1", "rot_2", "rot_3", "f_dc_0",
                      "f_dc_1", "f_dc_2"}))
-        throw input_error(
-            "E_PLY_NOT_SPLAT: ", in.path(),
-            ": the vertices lack some of opacity, scale_*, rot_* and f_dc_*",
-            "; this is a cloud or a mesh: pass it to --init-ply or to the tools for meshes");
+        throw input_error("E_PLY_NOT_SPLAT: ", in.path(),
+                          ": not splats, as opacity, scale_*, rot_* or f_dc_* is missing; for a "
+                          "cloud use --init-ply");
     SplatColumns c;
     c.mean = {vertex.find("x"), vertex.find("y"), vertex.find("z")};
     c.scale = {vertex.find("scale_0"), vertex.find("scale_1"), vertex.find("scale_2")};
@@ -161,7 +161,7 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
     c.file_coefficients = static_cast<int>(rest / 3);
     while (c.sh_degree < 3 && sh_count(c.sh_degree) < c.file_coefficients + 1) ++c.sh_degree;
     if (rest == 72)
-        spdlog::warn("{}: spherical harmonics of degree 4 are cut to degree 3", in.path());
+        spdlog::warn("{}: uses SH coefficients up to degree 3, the file has degree 4", in.path());
     return c;
 }
 
@@ -281,12 +281,12 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         numbers_where(rows, [&](std::size_t i) { return usable[i] != 0; });
     const std::size_t count = numbers.size();
     if (count < rows)
-        spdlog::warn("{}: {} of {} splats were dropped: not finite, or a zero quaternion", path,
-                     rows - count, rows);
+        spdlog::warn("{}: dropped {} of {} splats: not finite, or a zero quaternion", path,
+                     grouped(rows - count), grouped(rows));
     if (rows > 0 && std::find(activated.begin(), activated.end(), 0) == activated.end())
         spdlog::warn(
-            "{}: opacities in [0, 1] and positive scales: were activated values saved instead of "
-            "logits and logarithms?",
+            "{}: all opacities are in [0, 1] and all scales positive; expected logits and "
+            "logarithms",
             path);
 
     if (count < rows) keep_splats(numbers, out);

@@ -32,7 +32,7 @@ public:
                      files_[name] = std::move(content);
                  });
         const auto found = files_.find(sog::kMetaName);
-        if (found == files_.end()) fail("holds no ", sog::kMetaName, "; is it a SOG file?");
+        if (found == files_.end()) fail("no ", sog::kMetaName, "; is it a SOG file?");
         const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
             check_json_depth(depth, path_);
             return true;
@@ -80,7 +80,7 @@ private:
         const json& found = member(object, key);
         if (found.is_null()) return standard;
         if (!found.is_number_unsigned() || found.get<std::uint64_t>() > std::uint64_t{1} << 40)
-            fail("\"", key, "\" is no whole number that can be right");
+            fail("\"", key, "\" is not a plausible whole number");
         return static_cast<std::int64_t>(found.get<std::uint64_t>());
     }
     std::vector<float> numbers(const json& object, const char* key, std::size_t count) const {
@@ -106,14 +106,14 @@ private:
                                                              std::int64_t least) const {
         const json& names = member(part, "files");
         if (!names.is_array() || at >= names.size() || !names[at].is_string())
-            fail("a list of files is missing, or too short");
+            fail("a list of files is missing or too short");
         const auto found = files_.find(names[at].get<std::string>());
         if (found == files_.end())
-            fail("holds no ", shown(names[at].get<std::string>()), ", which it refers to");
+            fail("its file ", shown(names[at].get<std::string>()), " is missing");
         const std::string where = where_of(found->first);
         int width = 0, height = 0, channels = 0;
         if (!read_webp_size(found->second, width, height, channels))
-            throw input_error(where, ": is no WebP picture");
+            throw input_error(where, ": not a WebP picture");
         if (std::int64_t{width} * height < least)
             throw input_error(where, ": ", width, "x", height, " pixels; expected at least ",
                               least);
@@ -159,7 +159,7 @@ private:
     void read_sh(Gaussians<Cpu>& g, const json& part, const HalfTurn& turn) const {
         const std::int64_t palette = whole(part, "count", 0);
         if (palette < 1 || palette > sog::kMaxPalette)
-            fail("shN: ", palette, " kinds of harmonics; expected 1 to ", sog::kMaxPalette);
+            fail("shN: a palette of ", palette, "; expected 1 to ", sog::kMaxPalette);
         const Codebook codes = codebook(part);
         const auto rest = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
         constexpr int kColumns = sog::kPaletteColumns;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/device/parallel.h"
+#include "core/grouped.h"
 #include "core/version.h"
 #include "io/files/read_file.h"
 #include "io/files/zip_archive.h"
@@ -121,12 +122,12 @@ ShImages sh_images_of(const Gaussians<Cpu>& g,
 std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const SogOptions& options) {
     require_writable(g, path);
     const std::size_t count = g.means.size();
-    if (count == 0) throw input_error(path, ": not written: there are no splats");
+    if (count == 0) throw input_error(path, ": not written: no splats");
     const int width = 4 * static_cast<int>(std::ceil(std::sqrt(double(count)) / 4)),
               height = 4 * static_cast<int>(std::ceil(double(count) / width / 4));
     if (width > kWebpMaxSide)
-        throw input_error(path, ": not written: ", count, " splats; its pictures hold ",
-                          16380 * 16380, "; keep fewer (--max-splats)");
+        throw input_error(path, ": not written: ", grouped(count), " splats: too many (limit ",
+                          grouped(16380 * 16380), "); keep fewer with --max-splats");
     const HalfTurn turn = half_turn(options.frame);
     const ImageU8 blank(width, height, 4);
     json meta{{"version", sog::kVersion}, {"asset", {{"generator", kVersion}}}, {"count", count}};

@@ -24,9 +24,7 @@ SplatFormat format_of(const std::string& path) {
     const std::optional<SplatFormat> format = splat_format(path);
     if (!format)
         throw Error(ExitCode::usage,
-                    str(path,
-                        ": is no file of splats by its name; expected one that ends in .ply, "
-                        ".spz, .sog or .glb"));
+                    str(path, ": unknown ending; expected splats in .ply, .spz, .sog or .glb"));
     return *format;
 }
 

@@ -63,7 +63,7 @@ public:
         const auto take = [&](const std::string& name, const char* type, int width) {
             const GlbAccessor found = accessor(attributes, name.c_str(), type, width);
             if (found.count != count)
-                fail(str(name, ": ", found.count, " of them for ", count, " positions"));
+                fail(str(name, ": ", found.count, " values for ", count, " positions"));
             return found;
         };
         const GlbAccessor rotation = take(attribute("ROTATION"), "VEC4", 4),
@@ -78,7 +78,7 @@ public:
             sh.push_back(take(name, "VEC3", 3));
         });
         if (count == 0 || count > std::size_t{1} << 30)
-            fail(str("holds ", count, " splats; expected 1 to 2^30"));
+            fail(str("claims ", count, " splats; expected 1 to 2^30"));
 
         Gaussians<Cpu> g;
         resize(g, static_cast<int>(count), degree);
@@ -114,16 +114,16 @@ private:
         for (const json& mesh : list(doc_, "meshes"))
             for (const json& primitive : list(mesh, "primitives")) {
                 if (!member(primitive, "extensions").contains(kExtension)) continue;
-                if (found) fail("holds more than one set of splats; expected one");
+                if (found) fail("more than one set of splats; expected one");
                 found = &primitive;
             }
-        if (!found) fail(str("holds no splats (", kExtension, ")"));
+        if (!found) fail(str("no splats (", kExtension, ")"));
         const json& extension = member(member(*found, "extensions"), kExtension);
         if (whole(*found, "mode", glb::kTriangles) != glb::kPoints ||
             text(extension, "kernel") != "ellipse")
-            fail("its splats are of another kind; expected points with the kernel \"ellipse\"");
+            fail("unknown kind of splats; expected points with the kernel \"ellipse\"");
         if (member(extension, "extensions").size() > 0)
-            fail("its splats are compressed; save them as they are");
+            fail("compressed splats; save them without compression");
         return *found;
     }
 };
@@ -135,7 +135,7 @@ std::string splat_glb_bytes(const std::string& path,
                             const SplatGlbOptions& options) {
     require_writable(g, path);
     const std::size_t count = g.means.size();
-    if (count == 0) throw input_error(path, ": not written: there are no splats");
+    if (count == 0) throw input_error(path, ": not written: no splats");
     const HalfTurn turn = half_turn(options.frame);
     glb::Chunk chunk;
     json attributes;
@@ -191,7 +191,7 @@ std::string splat_glb_bytes(const std::string& path,
     glb::set_turn(node, turn_of_node(options));
     doc["nodes"] = list_of(std::move(node));
     doc["scenes"] = list_of({{"nodes", list_of(0)}});
-    return glb::file_bytes(path, doc, chunk, "name a .spz, or keep fewer (--max-splats)");
+    return glb::file_bytes(path, doc, chunk, "write a .spz, or keep fewer with --max-splats");
 }
 
 Gaussians<Cpu> parse_splat_glb(std::string_view bytes, const std::string& path, SplatFrame frame) {

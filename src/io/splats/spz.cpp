@@ -7,6 +7,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/version.h"
 #include "io/files/atomic_file.h"
@@ -127,7 +128,7 @@ public:
             if (status != Z_OK && status != Z_STREAM_END && status != Z_BUF_ERROR)
                 throw input_error(name_, ": damaged: gzip: ", z.msg ? z.msg : "wrong data");
             if (status == Z_BUF_ERROR || (!ended_ && written < bytes && taken_ == bytes_.size()))
-                throw input_error(name_, ": ends early, in the middle of its gzip stream");
+                throw input_error(name_, ": cut off in its gzip stream");
         }
         return written;
     }
@@ -145,12 +146,11 @@ Header parse_header(const std::uint8_t* bytes, std::size_t size, const std::stri
     std::memcpy(&h, bytes, std::min(size, sizeof h));
     if (size < sizeof h || h.magic != spz::kMagic)
         throw input_error(name,
-                          ": holds no splats: does not begin, in its gzip stream if there is one, "
-                          "with the 16 bytes of an SPZ header");
+                          ": not an SPZ file: no SPZ header, neither plain nor in a gzip stream");
     if (h.version < 2 || h.version > 4)
         throw input_error(name, ": SPZ version ", h.version, "; expected 2, 3 or 4");
     if (h.degree > spz::kMaxDegree)
-        throw input_error(name, ": harmonics of degree ", int{h.degree}, "; SPZ has up to ",
+        throw input_error(name, ": SH degree ", int{h.degree}, "; expected at most ",
                           spz::kMaxDegree);
     if (h.count == 0 || h.count > spz::kMaxSplats)
         throw input_error(name, ": claims ", h.count, " splats; expected 1 to ", spz::kMaxSplats);
@@ -165,7 +165,7 @@ void finish(Gunzip& gunzip, std::size_t limit, const std::string& name) {
     std::uint8_t scratch[1 << 14];
     for (std::size_t more = 0; const std::size_t n = gunzip.read(scratch, sizeof scratch);)
         if ((more += n) > limit)
-            throw input_error(name, ": goes on for more than ", limit, " bytes after its splats");
+            throw input_error(name, ": more than ", limit, " bytes after its splats");
 }
 
 constexpr const char* kStreamNames[] = {"positions", "opacities", "colours",
@@ -205,19 +205,19 @@ std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
     const Header h = parse_header(file.data(), file.size(), name);
     if (h.version != 4)
         throw input_error(name, ": SPZ version ", h.version,
-                          " that is not inside gzip; expected that, or version 4");
+                          " without gzip; expected gzip, or version 4");
     const Layout at(h);
     const std::vector<std::size_t> ends = at.stream_ends();
     if (h.streams != ends.size())
         throw input_error(name, ": ", int{h.streams}, " arrays; expected ", ends.size(),
                           " for degree ", int{h.degree});
     Container c;
-    if (file.size() < kContainerEnd) throw input_error(name, ": ends early, in its header");
+    if (file.size() < kContainerEnd) throw input_error(name, ": cut off in its header");
     std::memcpy(&c, file.data() + sizeof h, sizeof c);
     if (c.table < kContainerEnd || c.table > file.size() ||
         file.size() - c.table < ends.size() * sizeof(TableRow))
-        throw input_error(name, ": its table of arrays, at byte ", c.table, " of ", file.size(),
-                          ", is not in the file");
+        throw input_error(name, ": the table of arrays is at byte ", c.table,
+                          ", outside the file of ", file.size(), " bytes");
     std::vector<TableRow> table(ends.size());
     std::memcpy(table.data(), file.data() + c.table, table.size() * sizeof(TableRow));
     std::size_t from = c.table + table.size() * sizeof(TableRow);
@@ -230,7 +230,7 @@ std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
                               "; its header (", h.count, " splats, degree ", int{h.degree},
                               ") expects ", bytes);
         if (table[i].packed > file.size() - from)
-            throw input_error(name, ": ends early, in its ", kStreamNames[i]);
+            throw input_error(name, ": cut off in its ", kStreamNames[i]);
         if (bytes / kMaxRatio > table[i].packed)
             throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
                               " bytes can hold");
@@ -253,7 +253,7 @@ std::vector<std::uint8_t> open_gzip(std::span<const std::uint8_t> file, const st
     std::uint8_t start[spz::kHeaderBytes] = {};
     const Header h = parse_header(start, gunzip.read(start, sizeof start), name);
     if (h.version == 4)
-        throw input_error(name, ": SPZ version 4 inside gzip; expected version 2 or 3 there");
+        throw input_error(name, ": SPZ version 4 inside gzip; expected version 2 or 3");
     const Layout at(h);
     constexpr std::size_t kMaxRatio = 1032;  // largest ratio of deflate
     if (at.end() / kMaxRatio > file.size())
@@ -277,8 +277,8 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
                                     const std::string& name) {
     const std::size_t count = g.means.size();
     if (count == 0 || count > spz::kMaxSplats)
-        throw input_error(name, ": not written: ", count, " splats; SPZ takes 1 to ",
-                          spz::kMaxSplats);
+        throw input_error(name, ": not written: ", grouped(count), " splats; SPZ holds 1 to ",
+                          grouped(spz::kMaxSplats));
     if (options.version < 2 || options.version > 4)
         throw Error(ExitCode::internal, str(name, ": not written: version ", options.version));
     require_writable(g, name);
@@ -287,9 +287,8 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
         for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(p[c]));
     const int fraction = spz::fractional_bits(largest);
     if (fraction < 0)
-        throw input_error(name, ": not written: a splat lies ", largest,
-                          " from zero; SPZ reaches up to ", spz::kMaxFixed,
-                          "; leave far ones out (--bbox)");
+        throw input_error(name, ": not written: a splat lies ", largest, " units from zero (limit ",
+                          spz::kMaxFixed, "); remove far splats with --bbox");
 
     Header h;
     h.version = static_cast<std::uint32_t>(options.version);
@@ -347,7 +346,7 @@ SpzContents parse_spz(std::span<const std::uint8_t> file,
                       SplatFrame frame) {
     const bool plain = file.size() >= 4 && std::memcmp(file.data(), &spz::kMagic, 4) == 0;
     if (!plain && (file.size() < 2 || file[0] != 0x1f || file[1] != 0x8b))
-        throw input_error(name, ": is no SPZ file: begins neither as gzip nor as SPZ version 4");
+        throw input_error(name, ": not an SPZ file: neither gzip nor SPZ version 4");
     const std::vector<std::uint8_t> bytes =
         plain ? open_container(file, name) : open_gzip(file, name);
     Header h;
@@ -360,7 +359,7 @@ SpzContents parse_spz(std::span<const std::uint8_t> file,
     out.antialiased = h.flags & kAntialiased;
     Gaussians<Cpu>& g = out.splats;
     if (h.degree > 3)
-        spdlog::warn("{}: harmonics of degree {}: what is above 3 is left out", name,
+        spdlog::warn("{}: uses SH coefficients up to degree 3, the file has degree {}", name,
                      int{h.degree});
     resize(g, static_cast<int>(h.count), std::min(int{h.degree}, 3));
     const auto kept = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
