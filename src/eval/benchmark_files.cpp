@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "io/mesh/mesh_files.h"
 
@@ -23,33 +24,33 @@ Prediction read_prediction(const std::string& path, double min_opacity) {
     }
     out.dropped = drop_non_finite(mesh);
     if (out.dropped > 0)
-        spdlog::warn("{}: {} vertices that are not finite were dropped, with their faces", path,
-                     out.dropped);
+        spdlog::warn("{}: dropped {} vertices that are not finite, and their faces", path,
+                     grouped(out.dropped));
     if (mesh.vertices.empty())
         throw Error(ExitCode::input,
                     out.vertices == 0
-                        ? str(path, ": holds no vertex; nothing to measure")
-                        : str(path, ": none of its ", out.vertices, " vertices can be used: ",
-                              out.dropped, " are not finite, ", out.transparent,
-                              " are more transparent than --min-opacity ", min_opacity));
-    spdlog::info("{}: {} {}{}", path, mesh.vertices.size(),
+                        ? str(path, ": no vertices; nothing to measure")
+                        : str(path, ": none of its ", grouped(out.vertices),
+                              " vertices is usable: ", grouped(out.dropped), " not finite, ",
+                              grouped(out.transparent), " below --min-opacity ", min_opacity));
+    spdlog::info("{}: {} {}{}", path, grouped(mesh.vertices.size()),
                  out.is_splats ? "splat centres" : "vertices",
-                 out.faces > 0 ? str(", ", mesh.faces.size(), " faces") : "");
+                 out.faces > 0 ? str(", ", grouped(mesh.faces.size()), " faces") : "");
     return out;
 }
 
 void require_file(const std::string& path, const std::string& missing) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error))
-        throw Error(ExitCode::input, str(path, ": no such file\n", missing));
+        throw Error(ExitCode::input, str(path, ": not found\n", missing));
 }
 
 std::vector<Vec3d> read_truth(const std::string& path, const std::string& missing) {
     require_file(path, missing);
     std::vector<Vec3d> points = read_mesh_geometry(path).positions;
     const std::size_t bad = std::erase_if(points, [](Vec3d p) { return !is_finite(p); });
-    if (bad > 0) spdlog::warn("{}: {} points that are not finite were dropped", path, bad);
-    if (points.empty()) throw Error(ExitCode::input, str(path, ": holds no point to compare with"));
+    if (bad > 0) spdlog::warn("{}: dropped {} points that are not finite", path, grouped(bad));
+    if (points.empty()) throw Error(ExitCode::input, str(path, ": no points to compare with"));
     return points;
 }
 
@@ -70,7 +71,7 @@ void write_error_cloud(const std::string& path,
         cloud.colors.push_back(error_color(palette, points.distances[i], full, points.statuses[i]));
     }
     write_cloud_ply(path, cloud);
-    spdlog::info("{}: {} points coloured by error", path, cloud.positions.size());
+    spdlog::info("Cloud coloured by error: {}, {} points", path, grouped(cloud.positions.size()));
 }
 
 }  // namespace tvsgs

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "eval/benchmark_files.h"
 #include "io/files/mat_file.h"
@@ -27,8 +28,8 @@ std::string stl_name(int scan) {
 std::string distribution(int scan) {
     return str("  expected DIR/", stl_name(scan), ", DIR/ObsMask/ObsMask", scan,
                "_10.mat and DIR/ObsMask/Plane", scan,
-               ".mat\n  (or the same below 'DIR/SampleSet/MVS Data'); the benchmark distributes "
-               "them as Points.zip and SampleSet.zip at "
+               ".mat\n  (or below 'DIR/SampleSet/MVS Data'), from Points.zip and SampleSet.zip of "
+               "the benchmark: "
                "https://roboimagedata.compute.dtu.dk/?page_id=36");
 }
 
@@ -40,7 +41,7 @@ std::string find_in(const std::string& folder, int scan, const std::string& name
         if (fs::is_regular_file(path, error)) return path;
     }
     throw Error(ExitCode::input,
-                str((fs::path(folder) / name).string(), ": no such file\n", distribution(scan)));
+                str((fs::path(folder) / name).string(), ": not found\n", distribution(scan)));
 }
 
 ObservationMask read_mask(const std::string& path) {
@@ -63,7 +64,7 @@ ObservationMask read_mask(const std::string& path) {
         out.lower[axis] = static_cast<double>(static_cast<float>(box.numbers[at]));
         out.upper[axis] = static_cast<double>(static_cast<float>(box.numbers[at + 1]));
         if (!(out.lower[axis] <= out.upper[axis]))
-            throw Error(ExitCode::input, str("E_MAT: ", path, ": BB is no box"));
+            throw Error(ExitCode::input, str("E_MAT: ", path, ": BB is not a box"));
     }
     out.voxel = size.numbers[0];
     return out;
@@ -146,9 +147,9 @@ std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCull
         if (entry.path().extension() == ".png") files.push_back(entry.path().string());
     std::sort(files.begin(), files.end());
     if (files.size() != cameras.views.size())
-        throw Error(ExitCode::input, str("E_MASK_COUNT: ", culling.masks, ": ", files.size(),
-                                         " PNG files for ", cameras.views.size(),
-                                         " cameras; masks and cameras must be those of one scene"));
+        throw Error(ExitCode::input,
+                    str("E_MASK_COUNT: ", culling.masks, ": ", files.size(), " PNG files for ",
+                        cameras.views.size(), " cameras; masks and cameras must be of one scene"));
     std::vector<MaskView> views;
     const std::vector<std::size_t> chosen = culling_views(culling.views, files.size());
     for (const std::size_t i : chosen) {
@@ -158,21 +159,20 @@ std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCull
                          read_image(files[i], 1)});
         const int width = views.back().mask.width;
         if (std::abs(2 * camera.cx_px - width) > 0.2 * width)
-            throw Error(
-                ExitCode::input,
-                str("E_MASK_SIZE: ", files[i], ": ", width,
-                    " pixels wide, but the principal point of its camera is at ", camera.cx_px,
-                    "; expected masks of the size the cameras were made for"));
+            throw Error(ExitCode::input,
+                        str("E_MASK_SIZE: ", files[i], ": ", width,
+                            " pixels wide, but the principal point of its camera is at ",
+                            camera.cx_px, "; expected masks of the size of the photographs"));
     }
     const std::size_t before = mesh.vertices.size();
     const std::vector<std::size_t> removed = cull_by_masks(mesh, views, culling.dilate_px);
     if (before > 0 && mesh.vertices.empty()) {
         const auto most = std::max_element(removed.begin(), removed.end()) - removed.begin();
         throw Error(ExitCode::input,
-                    str("E_CULL_ALL: 0 of ", before, " vertices left; view ",
+                    str("E_CULL_ALL: the masks removed all ", grouped(before), " vertices; view ",
                         chosen[static_cast<std::size_t>(most)], " alone removed ",
-                        removed[static_cast<std::size_t>(most)],
-                        " (check --cameras, --mesh-units and the order of the masks)"));
+                        grouped(removed[static_cast<std::size_t>(most)]),
+                        "; check --cameras, --mesh-units and the order of the masks"));
     }
     return before - mesh.vertices.size();
 }
@@ -183,10 +183,10 @@ bool to_millimetres(PreciseMesh& mesh, const NpzCameras* cameras, const std::str
         units == "normalised" || (units == "auto" && cameras && size < 20 && cameras->scale > 20);
     if (normalised && !cameras)
         throw Error(ExitCode::usage,
-                    "--mesh-units normalised: name the file with scale_mat_0 with --cameras");
+                    "--mesh-units normalised: needs --cameras FILE, the file with scale_mat_0");
     if (units == "auto")
-        spdlog::info("the prediction spans {:.6g} units: taken as {}", size,
-                     normalised ? "normalised, and scaled by scale_mat_0" : "millimetres");
+        spdlog::info("The prediction spans {:.6g} units: read as {}", size,
+                     normalised ? "normalised, scaled by scale_mat_0" : "millimetres");
     if (normalised)
         for (Vec3d& p : mesh.vertices) p = cameras->scale * p + cameras->offset;
     return normalised;

@@ -6,6 +6,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "eval/mesh_metrics.h"
 #include "eval/thin_points.h"
 
@@ -121,12 +122,12 @@ std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
         expected += 0.5 * static_cast<double>(lattice.n1) * static_cast<double>(lattice.n2);
     }
     if (expected > static_cast<double>(options.max_samples))
-        throw Error(
-            ExitCode::input,
-            str("E_DTU_SAMPLES: a sample per ", options.spacing, " mm of the mesh makes about ",
-                expected, " points, more than ", options.max_samples,
-                "; cut the background away (--cull-masks), check the units "
-                "(--mesh-units), or raise --max-samples"));
+        throw Error(ExitCode::input, str("E_DTU_SAMPLES: samples every ", options.spacing,
+                                         " mm of the mesh are about ",
+                                         grouped(std::llround(std::min(expected, 9e18))),
+                                         " points (limit ", grouped(options.max_samples),
+                                         "); cut the background away (--cull-masks), check the "
+                                         "units (--mesh-units), or raise --max-samples"));
 
     // 2. Each face writes to its own range.
     std::vector<std::int64_t> begin(faces.size() + 1, static_cast<std::int64_t>(vertices.size()));
@@ -184,11 +185,12 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
     }
     const std::vector<Vec3d> above = selected(m.reference);
     m.truth_above = static_cast<std::int64_t>(above.size());
-    m.undefined = m.sampled == 0         ? "the prediction holds no points"
-                  : m.in_box == 0        ? "no point of the prediction is in the box of the mask"
-                  : m.observed == 0      ? "no point of the prediction is where the mask observes"
-                  : truth.points.empty() ? "the ground truth holds no points"
-                  : m.truth_above == 0   ? "no point of the ground truth is above the plane"
+    m.undefined = m.sampled == 0  ? "the prediction has no points"
+                  : m.in_box == 0 ? "no point of the prediction is inside the mask's box"
+                  : m.observed == 0
+                      ? "no point of the prediction is where the mask observes the scene"
+                  : truth.points.empty() ? "the truth has no points"
+                  : m.truth_above == 0   ? "no point of the truth is above the plane"
                                          : "";
     if (!m.undefined.empty()) return m;
 

@@ -54,9 +54,9 @@ FrameCheck check_frame(const std::vector<Vec3d>& prediction, const std::vector<V
 
 std::string FrameCheck::text() const {
     return str("the prediction spans ", point_text(lower[0]), " to ", point_text(upper[0]),
-               ", the ground truth ", point_text(lower[1]), " to ", point_text(upper[1]),
+               ", the truth ", point_text(lower[1]), " to ", point_text(upper[1]),
                "; its centre is off by ", point_text(offset), ", ", norm(offset),
-               " in all, and its size is ", size_ratio, " times the truth's");
+               " in all, and it is ", size_ratio, " times as large");
 }
 
 }  // namespace tvsgs

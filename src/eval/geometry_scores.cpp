@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "io/mesh/mesh_files.h"
 
@@ -29,14 +30,15 @@ std::string box_text(const std::vector<Vec3f>& points, Vec3d origin) {
                                const std::vector<Vec3f>& points,
                                const MeasureOptions& options) {
     const std::string box = box_text(points, options.origin);
-    if (points.empty()) throw Error(ExitCode::input, "holds no points; nothing to compare");
+    if (points.empty()) throw Error(ExitCode::input, "no points; nothing to compare");
     if (box.empty())
-        throw Error(ExitCode::input, str("none of its ", points.size(), " ", kind, " is finite"));
+        throw Error(ExitCode::input,
+                    str("none of its ", grouped(points.size()), " ", kind, " is finite"));
     if (options.crop_path.empty())
         throw Error(ExitCode::input, str("its ", kind, " have no area; they span ", box));
     throw Error(ExitCode::input,
-                str("none of its ", kind, " is inside of ", options.crop_path, "; they span ", box,
-                    "; are frame and units those of the crop?"));
+                str("none of its ", kind, " is inside ", options.crop_path, "; they span ", box,
+                    "; has the crop the same frame and units?"));
 }
 
 std::vector<Vec3f> inside_of(const Crop& crop, const std::vector<Vec3f>& points, Vec3d origin) {
@@ -70,10 +72,9 @@ MeasuredSurface measured_mesh(const TriangleMesh& mesh,
     if (result.from.points.empty()) refuse_empty("faces", mesh.vertices, options);
     if (const double error = worst_standard_error(result.from); error > kStandardError)
         spdlog::warn(
-            "so little of the surface is in the crop that {} samples were found; standard errors "
-            "of "
-            "shares are up to {:.2g}, above the {:g} meant",
-            result.from.points.size(), error, kStandardError);
+            "Little of the surface is inside the crop: {} samples, so the shares have standard "
+            "errors up to {:.2g} (aim {:g})",
+            grouped(result.from.points.size()), error, kStandardError);
     return result;
 }
 
@@ -105,14 +106,15 @@ MeasuredSurface read_measured(const std::string& path,
     }
     result.dropped = dropped;
     if (dropped > 0)
-        spdlog::warn("{}: {} {} that are not finite were dropped{}", path, dropped,
-                     is_mesh ? "vertices" : "points", is_mesh ? ", with their faces" : "");
-    spdlog::info(
-        "{}: measured from {} {}, to {}", path, result.from.points.size(),
-        is_mesh         ? "samples of the mesh"
-        : ply.is_splats ? "splat centres"
-                        : "points",
-        result.to.triangles().empty() ? "these" : str(result.to.triangles().size(), " triangles"));
+        spdlog::warn("{}: dropped {} {} that are not finite{}", path, grouped(dropped),
+                     is_mesh ? "vertices" : "points", is_mesh ? ", and their faces" : "");
+    spdlog::info("{}: {} {}{}", path, grouped(result.from.points.size()),
+                 is_mesh         ? "samples of the mesh"
+                 : ply.is_splats ? "splat centres"
+                                 : "points",
+                 result.to.triangles().empty()
+                     ? ""
+                     : str(" of ", grouped(result.to.triangles().size()), " triangles"));
     return result;
 }
 

@@ -39,7 +39,8 @@ public:
         if (!tensor) {
             complain(name + " is missing");
         } else if (tensor->shape != shape) {
-            complain(str(name, " is ", text_of(tensor->shape), ", not ", text_of(shape)));
+            complain(
+                str(name, " has shape ", text_of(tensor->shape), ", expected ", text_of(shape)));
         } else if (!std::all_of(tensor->numbers.begin(), tensor->numbers.end(), [&](double v) {
                        return std::isfinite(v) && (may_be_negative || v >= 0);
                    })) {
@@ -54,7 +55,7 @@ public:
         if (!problems_.empty())
             throw Error(ExitCode::input,
                         str("E_LPIPS_WEIGHTS: ", path_, ": ", problems_,
-                            "; docs/guide/evaluation.md says how to make the file from PyTorch's"));
+                            "; make the file from PyTorch's as docs/guide/evaluation.md says"));
     }
 
 private:

@@ -5,6 +5,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/math/rng.h"
 
 namespace tvsgs {
@@ -40,8 +41,8 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
         const Vec3i face = mesh.faces[f];
         for (int k = 0; k < 3; ++k)
             if (face[k] < 0 || face[k] >= vertices)
-                throw Error(ExitCode::input, str("face ", f, " refers to vertex ", face[k],
-                                                 ", but the mesh has ", vertices));
+                throw Error(ExitCode::input,
+                            str("face ", f, " refers to vertex ", face[k], " of ", vertices));
         const Vec3d a = vec_cast<double>(mesh.vertices[face.x]),
                     b = vec_cast<double>(mesh.vertices[face.y]),
                     c = vec_cast<double>(mesh.vertices[face.z]);
@@ -50,8 +51,8 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
     }
     const double total = area_before.back();
     if (!(total > 0))
-        throw Error(ExitCode::input, str("the mesh has no surface to sample: ", mesh.faces.size(),
-                                         " faces with a total area of 0"));
+        throw Error(ExitCode::input,
+                    str("the mesh has no area: ", grouped(mesh.faces.size()), " faces of area 0"));
 
     std::vector<Vec3f> samples(count);
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
@@ -83,13 +84,16 @@ GeometryMetrics evaluate_geometry(const MeasuredSurface& prediction,
                                   const SamplePoints* wanted_truth,
                                   const GeometryOptions& options) {
     if (prediction.from.points.empty() || truth.from.points.empty())
-        throw Error(ExitCode::input,
-                    str("nothing to compare: ", prediction.from.points.size(),
-                        " points of the prediction and ", truth.from.points.size(),
-                        " of the truth are inside of the crop; both need at least one"));
+        throw Error(
+            ExitCode::input,
+            str("nothing to compare inside the crop: ", grouped(prediction.from.points.size()),
+                " points of the prediction and ", grouped(truth.from.points.size()),
+                " of the truth; both need at least one"));
     const SamplePoints& wanted = wanted_truth ? *wanted_truth : truth.from;
     if (wanted.points.empty())
-        throw Error(ExitCode::input, "nothing to compare: no point of the visible truth is given");
+        throw Error(
+            ExitCode::input,
+            "nothing to compare: the visible part of the truth (--visible-gt) has no points");
     double limit = std::numeric_limits<double>::infinity();
     if (options.max_distance > 0) {
         limit = options.max_distance;

@@ -115,10 +115,9 @@ Affine3d draw_alignment(const std::vector<Vec3d>& from,
         if (better) best = T, best_score = score;
     }
     if (!best)
-        throw Error(ExitCode::input,
-                    str("E_TNT_TRAJ: the ", from.size(),
-                        " pairs of camera centres determine no similarity: they stand in one "
-                        "place or on one line"));
+        throw Error(ExitCode::input, str("E_TNT_TRAJ: the ", from.size(),
+                                         " pairs of camera centres are at one place or on one "
+                                         "line; expected cameras around the scene"));
     return *best;
 }
 

@@ -173,9 +173,9 @@ std::vector<Vec3d> voxel_means(const std::vector<Vec3d>& points, double voxel) {
             if (!(index >= 0 && index < kMaxVoxels))
                 throw Error(
                     ExitCode::input,
-                    str("voxels of ", voxel, " for a cloud that reaches ", points[i][a] - origin[a],
-                        " along one axis: more than 2^21 a side; crop the cloud, or is the "
-                        "unit another?"));
+                    str("voxels of ", voxel, " are too small for a cloud ",
+                        points[i][a] - origin[a],
+                        " long (limit 2^21 voxels a side); crop the cloud, or check its units"));
             key = key << 21 | static_cast<std::uint64_t>(index);
         }
         entries[i] = {key, static_cast<std::uint32_t>(i)};

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "eval/frame_check.h"
 #include "eval/geometry_scores.h"
@@ -29,14 +30,14 @@ Vec3d mean_of(const std::vector<Vec3d>& points) {
 
 const char* const kTntDistribution =
     "  expected DIR/<Scene>.ply, DIR/<Scene>.json, DIR/<Scene>_COLMAP_SfM.log and "
-    "DIR/<Scene>_trans.txt;\n  the benchmark distributes them with the training set at "
+    "DIR/<Scene>_trans.txt;\n  they come with the training set of the benchmark: "
     "https://www.tanksandtemples.org/download/";
 
 TntFiles find_tnt_files(const std::string& scene_dir, const std::string& scene_name) {
     const fs::path folder(scene_dir);
     std::error_code error;
     if (!fs::is_directory(folder, error))
-        throw Error(ExitCode::input, str(scene_dir, ": no such folder\n", kTntDistribution));
+        throw Error(ExitCode::input, str(scene_dir, ": folder not found\n", kTntDistribution));
     constexpr std::string_view kLog = "_COLMAP_SfM.log";
     std::string scene = scene_name;
     if (scene.empty()) scene = fs::absolute(folder / ".").parent_path().filename().string();
@@ -66,9 +67,9 @@ double find_tnt_tau(double given, const std::string& scene) {
         {"Barn", 0.01},      {"Caterpillar", 0.005}, {"Church", 0.025}, {"Courthouse", 0.025},
         {"Ignatius", 0.003}, {"Meetingroom", 0.01},  {"Truck", 0.005}};
     if (const auto tau = taus.find(scene); tau != taus.end()) return tau->second;
-    throw Error(ExitCode::usage, str("scene ", scene,
-                                     ": its threshold is not known; give it with --tau, in the "
-                                     "unit of the ground truth"));
+    throw Error(
+        ExitCode::usage,
+        str("scene ", scene, ": no known threshold; give --tau, in the units of the truth"));
 }
 
 void align_by_cameras(const std::string& trajectory,
@@ -96,15 +97,14 @@ void align_by_cameras(const std::string& trajectory,
         .add("inliers", fit.inliers)
         .add("inlier_rmse", fit.rmse)
         .add("median_residual", fit.median_residual);
-    spdlog::info("{} of {} camera centres agree within {}; median residual {:.4g}", fit.inliers,
+    spdlog::info("{} of {} camera centres agree within {}; median error {:.4g}", fit.inliers,
                  pairs.from.size(), threshold, fit.median_residual);
     if (2 * static_cast<std::size_t>(fit.inliers) < pairs.from.size() && !force)
         throw Error(ExitCode::input,
                     str("E_TNT_TRAJ_RESIDUAL: ", trajectory, ": only ", fit.inliers, " of ",
-                        pairs.from.size(), " camera centres come within ", threshold,
-                        " of those of ", files.log, " (median residual ", fit.median_residual,
-                        "): is it the trajectory of another reconstruction? (--force measures "
-                        "regardless)"));
+                        pairs.from.size(), " camera centres are within ", threshold,
+                        " of those in ", files.log, " (median error ", fit.median_residual,
+                        "); is the trajectory of another reconstruction? --force measures anyway"));
 }
 
 void refine_tnt(const std::vector<Vec3d>& points,
@@ -130,8 +130,8 @@ void refine_tnt(const std::vector<Vec3d>& points,
         .add("icp_shift", moved.shift);
     if (std::abs(moved.scale - 1) > 0.02 || moved.shift > 10 * tau)
         spdlog::warn(
-            "ICP changed the scale by {:.2f} % and moved the scene by {:.3g}, {:.1f} tau: it may "
-            "have slid; compare with --no-icp",
+            "ICP changed the scale by {:.2f} % and moved the scene by {:.3g} ({:.1f} tau); it may "
+            "be wrong, compare with --no-icp",
             100 * (moved.scale - 1), moved.shift, moved.shift / tau);
 }
 
@@ -146,7 +146,7 @@ std::vector<Vec3d> choose_tnt_points(const Prediction& in,
         int count = 0;
         if (!parse_number(std::string_view(used).substr(5), count) || count < 1)
             throw Error(ExitCode::usage,
-                        str("--points ", used, ": expected area: and a positive number"));
+                        str("--points ", used, ": expected area:N with N above 0"));
         TriangleMesh single{{}, {}, mesh.faces};
         for (const Vec3d p : mesh.vertices) single.vertices.push_back(vec_cast<float>(p));
         std::vector<Vec3d> points;
@@ -176,10 +176,10 @@ void check_tnt_overlap(const std::vector<Vec3d>& moved,
     // There may be a distant background; inside the crop the sizes must agree.
     if (!inside.empty() && !whole.apart && check_frame(inside, truth_cropped).plausible()) return;
     throw Error(ExitCode::input,
-                str("E_TNT_FRAME: ", name, " does not lie where the ground truth does: aligned, ",
-                    whole.text(), "; ", inside.size(), " of its ", moved.size(),
-                    " points are inside of the crop volume. Is --traj the trajectory of the frame "
-                    "that it was trained in? (--force measures regardless)"));
+                str("E_TNT_FRAME: ", name, " does not lie at the truth: after alignment ",
+                    whole.text(), "; ", grouped(inside.size()), " of its ", grouped(moved.size()),
+                    " points are inside the crop volume. Is --traj the trajectory of the training? "
+                    "--force measures anyway"));
 }
 
 }  // namespace tvsgs

@@ -85,8 +85,8 @@ TntMetrics evaluate_tnt(const std::vector<Vec3d>& prediction,
     std::vector<Vec3d> p = cropped(prediction, crop), t = cropped(truth, crop);
     m.prediction_cropped = static_cast<std::int64_t>(p.size());
     m.truth_cropped = static_cast<std::int64_t>(t.size());
-    m.undefined = t.empty()   ? "no point of the ground truth is inside of the crop volume"
-                  : p.empty() ? "no point of the prediction is inside of the crop volume"
+    m.undefined = t.empty()   ? "no point of the truth is inside the crop volume"
+                  : p.empty() ? "no point of the prediction is inside the crop volume"
                               : "";
     if (!m.undefined.empty()) return m;
     if (voxel > 0) p = voxel_means(p, voxel), t = voxel_means(t, voxel);

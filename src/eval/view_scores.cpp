@@ -98,7 +98,7 @@ void ViewScorer::add(const View& view, const ImageU8& render, const std::vector<
         if (view.mask.empty())
             throw Error(ExitCode::input,
                         str("--masked: view ", view.name,
-                            " has no mask; expected masks in the scene, or --masks FOLDER"));
+                            " has no mask; put masks into the scene, or give --masks DIR"));
         masked_.push_back(quantized(
             scoring_, view, render, colors,
             [&](const auto& a, const auto& b) { return score_object(a, b, view.mask, scoring_); }));

@@ -100,9 +100,9 @@ TEST_F(EvalGeometry, WhatIsNotFiniteIsSaidAndCounted) {
               std::string::npos)
         << output_;
     for (const char* said :
-         {"holes.ply: 2 points that are not finite were dropped\n",
-          "torn.ply: 1 vertices that are not finite were dropped, with their faces\n",
-          "seen.ply: 1 points that are not finite were dropped\n", "to 1 triangles"})
+         {"holes.ply: dropped 2 points that are not finite\n",
+          "torn.ply: dropped 1 vertices that are not finite, and their faces\n",
+          "seen.ply: dropped 1 points that are not finite\n", "to 1 triangles"})
         EXPECT_NE(messages_.find(said), std::string::npos) << said << " in\n" << messages_;
     // As a prediction, and with a fixed number of points on each mesh.
     ASSERT_EQ(eval("--pred " + path("torn.ply") + " --gt " + path("holes.ply") +
