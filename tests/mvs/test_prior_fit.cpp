@@ -258,7 +258,7 @@ TEST(ChooseReading, OfAnOrderAlone) {
         depth{Q::depth, G::z, A::rank, "the file"};
     const std::vector<PriorSamples> inverse{samples_of(Q::inverse_depth, G::z, 1, 0)};
     EXPECT_EQ(choose_reading(inverse, any, 0.1).reading.quantity, Q::inverse_depth);
-    expect_message("run the other way than depth (rank correlation -1)",
+    expect_message("have the reverse order of depth (rank correlation -1)",
                    [&] { choose_reading(inverse, depth, 0.1); });
     EXPECT_NO_THROW(choose_reading({samples_of(Q::depth, G::z, 1, 0)}, depth, 0.1));
 }

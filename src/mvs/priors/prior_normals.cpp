@@ -96,20 +96,20 @@ NormalChoice choose_normals(const std::vector<NormalSample>& samples,
     const double expected = cosine(choice.reading);
     const auto two_digits = [](double c) { return std::round(100 * c) / 100; };
     if (!(highest > kLeast))
-        throw Error(ExitCode::input,
-                    str("E_PRIORS: normals: against the surface at ", samples.size(),
-                        " points no frame agrees (mean cosine ", two_digits(highest), " at best, ",
-                        text_of(best), "); expected above ", kLeast,
-                        ": are these the normals of these photographs?"));
+        throw Error(
+            ExitCode::input,
+            str("E_PRIORS: normals: no frame agrees with the surface at ", samples.size(),
+                " points (best mean cosine ", two_digits(highest), ", ", text_of(best),
+                "; expected above ", kLeast, "); are they the normals of these photographs?"));
     choice.cosine = expected;
     if (highest < expected + kClearly) return choice;
     if (!convention.declared_by.empty())
         throw Error(ExitCode::input,
                     str("E_PRIORS: ", convention.declared_by, ": normals in frame ",
                         text_of(choice.reading), " agree with the surface at ", samples.size(),
-                        " points to a mean cosine of ", two_digits(expected), ", those in frame ",
-                        text_of(best), " to ", two_digits(highest),
-                        "; expected frame and facing to be the latter"));
+                        " points with a mean cosine of ", two_digits(expected), ", in frame ",
+                        text_of(best), " with ", two_digits(highest),
+                        "; declare the latter frame and facing"));
     choice.reading = best, choice.cosine = highest;
     return choice;
 }

@@ -97,9 +97,9 @@ PriorReading choose_order(const std::vector<const PriorSamples*>& views,
                                     : PriorQuantity::inverse_depth;
     if (convention.quantity != PriorQuantity::unknown)
         throw Error(ExitCode::input,
-                    str("E_PRIORS: ", who, " run the other way than ", text_of(usual),
+                    str("E_PRIORS: ", who, " have the reverse order of ", text_of(usual),
                         " (rank correlation ", std::round(100 * rho) / 100,
-                        "); expected the quantity (priors.quantity) to be ", name_of(other)));
+                        "); set priors.quantity to ", name_of(other)));
     usual.quantity = other;
     return usual;
 }
@@ -170,16 +170,16 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
         throw Error(ExitCode::input,
                     str("E_PRIORS: ", where, ": ", text_of(chosen.reading), against, " fits ",
                         percent(chosen.residual), ", ", text_of(rival.reading), " fits ",
-                        percent(rival.residual), "; expected quantity (priors.quantity) ",
-                        name_of(rival.reading.quantity), " and geometry ",
+                        percent(rival.residual), "; set the quantity (priors.quantity) to ",
+                        name_of(rival.reading.quantity), " and the geometry to ",
                         name_of(rival.reading.geometry)));
     if (!(chosen.residual <= max_residual))
         throw Error(
             ExitCode::input,
             str("E_PRIORS: ", where, ": the numbers", against,
                 " do not fit within priors.max_residual = ", max_residual, ":", table_of(tested),
-                "\n  are these the maps of these photographs, in this scene's frame? "
-                "priors.source = stereo does without them"));
+                "\n  Are they the maps of these photographs, in the frame of this scene? To ignore "
+                "them give priors.source=stereo"));
     choice.reading = chosen.reading;
     choice.residual = chosen.residual;
     return choice;

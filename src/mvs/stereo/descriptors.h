@@ -18,10 +18,10 @@ struct DescriptorOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice("kind", kind, {"orient32", "census32"},
-                     "of photographs, for loss.features where no prior brings features; orient32: "
-                     "directions of edges within 1 to 8 px; census32: differences to 32 points "
-                     "within 6 px, sharper and narrower");
+        field.choice(
+            "kind", kind, {"orient32", "census32"},
+            "descriptors of photographs for loss.features without priors; orient32: directions of "
+            "edges within 8 px; census32: differences to 32 points within 6 px, sharper");
     }
 };
 

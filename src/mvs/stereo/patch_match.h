@@ -18,11 +18,11 @@ struct StereoOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("depth_near", depth_near, {0, 1e9}, "nearest depth; 0: from the scene");
-        field("depth_far", depth_far, {0, 1e9}, "farthest depth; 0: from the scene");
+        field("depth_near", depth_near, {0, 1e9}, "nearest depth, world units; 0: from the scene");
+        field("depth_far", depth_far, {0, 1e9}, "farthest depth, world units; 0: from the scene");
         field("min_consistent", min_consistent, {0, 8},
-              "other views that must confirm a depth; 0: 1 where up to 4 can see it, else 2");
-        field("use_masks", use_masks, "only pixels inside the masks");
+              "other views that must confirm a depth; 0: 1 if at most 4 can see it, else 2");
+        field("use_masks", use_masks, "match only pixels inside the masks");
     }
 };
 

@@ -7,6 +7,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/progress.h"
 #include "mvs/stereo/depth_fusion_bodies.h"
 #include "mvs/stereo/depth_segments.h"
@@ -109,9 +110,10 @@ private:
         }
         first_pixel_.push_back(static_cast<int>(pixels));
         if (pixels > 2000000000)
-            throw Error(ExitCode::memory,
-                        str(view_count(), " views with ", pixels,
-                            " pixels in all; at most 2e9 fit; use smaller images (-r)"));
+            throw Error(
+                ExitCode::memory,
+                str(view_count(), " views with ", grouped(pixels),
+                    " pixels: too many for stereo (limit 2,000,000,000); use smaller images (-r)"));
         std::vector<float> grey;
         grey.reserve(pixels);
         for (int v = 0; v < view_count(); ++v) {

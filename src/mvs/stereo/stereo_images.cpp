@@ -81,15 +81,14 @@ StereoPyramid make_pyramid(const View& view) {
 
 void require_views(const std::vector<View>& views) {
     if (views.size() < 2)
-        throw Error(ExitCode::input,
-                    str("stereo compares views: found ", views.size(),
-                        ", expected at least 2; choose more views or give a cloud"));
+        throw Error(ExitCode::input, str("stereo needs at least 2 views, found ", views.size(),
+                                         "; choose more views or give a cloud"));
     for (const View& view : views)
         if (view.camera.width_px < kLeastSide || view.camera.height_px < kLeastSide)
-            throw Error(ExitCode::input,
-                        str(view.name, ": ", view.camera.width_px, "x", view.camera.height_px,
-                            " pixels are too few for stereo; expected at least ", kLeastSide,
-                            " by ", kLeastSide));
+            throw Error(
+                ExitCode::input,
+                str(view.name, ": ", view.camera.width_px, "x", view.camera.height_px,
+                    " pixels: too small for stereo (at least ", kLeastSide, "x", kLeastSide, ")"));
 }
 
 std::vector<StereoPyramid> make_pyramids(const std::vector<View>& views) {

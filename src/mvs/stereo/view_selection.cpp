@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/eigen.h"
 #include "mvs/stereo/mvs_math.h"
@@ -92,10 +93,10 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
         if (far_depth > 0) plan.far_depth = far_depth;
         if (!(plan.near_depth > 0 && plan.far_depth > plan.near_depth))
             throw Error(ExitCode::input,
-                        str("view ", i, ": no range of depths: it sees ", seen.size(), " of ",
-                            points.size(), " sparse points (", kEnoughPoints,
-                            " would do) and the optical axes of the views do not cross in front "
-                            "of it; give the nearest and farthest depth"));
+                        str("view ", i, ": unknown range of depths: it sees ", seen.size(), " of ",
+                            grouped(points.size()), " sparse points (", kEnoughPoints,
+                            " needed), and no optical axes cross in front of it; give "
+                            "stereo.depth_near and stereo.depth_far"));
 
         if (seen.size() < kEnoughPoints) seen = grid_points(cameras[i], plan);
         std::vector<Score> scores;
@@ -126,12 +127,11 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
     }
     if (with_sources == 0)
         throw Error(ExitCode::input,
-                    str("none of the ", cameras.size(),
-                        " views shares a part of the scene with another one under at most ",
+                    str("none of the ", cameras.size(), " views overlaps with another at up to ",
                         kMaxPairAngleDeg,
                         " degrees; stereo needs overlapping views from different places"));
     if (with_sources < cameras.size())
-        spdlog::warn("{} of {} views overlap with no other one and give no depth",
+        spdlog::warn("{} of {} views overlap with no other view and get no depth",
                      cameras.size() - with_sources, cameras.size());
     return plans;
 }
