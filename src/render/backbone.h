@@ -109,16 +109,14 @@ struct BackboneOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("near", near, {1e-6, 1e6},
-              "splats nearer to the camera plane than this are not drawn, world units");
+        field("near", near, {1e-6, 1e6}, "smallest depth of a splat that is drawn, world units");
         field.choice("pixel_center", pixel_center, {"exact", "official"},
-                     "rays of depth maps through the pixel centres, or half a pixel off as in "
-                     "PGSR's code (for parity studies)");
-        field.choice(
-            "depth", depth, {"auto", "plane", "expected", "median"},
-            "the surface's depth: of the blended plane, the mean of what a pixel blends, or "
-            "where half of its light is gone; auto: plane where the rasteriser has planes, else "
-            "median");
+                     "rays of depth maps; exact: through pixel centres; official: half a pixel "
+                     "off, as in PGSR's code");
+        field.choice("depth", depth, {"auto", "plane", "expected", "median"},
+                     "depth of the surface; plane: of the blended plane; expected: blended mean; "
+                     "median: where transmittance falls to half; auto: plane if the rasteriser has "
+                     "planes, else median");
     }
 };
 

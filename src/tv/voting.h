@@ -48,55 +48,57 @@ struct TvOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("enabled", enabled, "vote at all; the two voting losses need it");
+        field("enabled", enabled, "use tensor voting; the two voting losses need it");
         field("k", k, {1, 512},
-              "splats each splat votes for, chosen among 2k Euclidean neighbours");
-        field("start", start, {1, 1e9}, "first iteration that votes");
+              "splats that each splat votes for, chosen from 2k Euclidean neighbours");
+        field("start", start, {1, 1e9}, "first iteration with votes");
         field("vote_every", vote_every, {1, 1e9}, "iterations between voting events");
         field("refresh_every", refresh_every, {1, 1e9}, "iterations between neighbour searches");
         field("whiten", whiten,
-              "vote in the space where the voter's covariance is the unit sphere");
+              "vote in the space where the covariance of the voter is the unit sphere");
         field.choice("whiten_noise_mode", whiten_noise_mode, {"global", "per_splat"},
-                     "what the regulariser of the whitening is measured by");
+                     "scale of the whitening's regulariser; global: mean of all splats, per_splat: "
+                     "each splat");
         field.choice("scale_rule", scale_rule, {"ten_percent_at_median", "median"},
-                     "scale of voting from the median neighbour distance");
+                     "scale of voting, from the median neighbour distance; ten_percent_at_median: "
+                     "a vote there has 10 %; median: the distance itself");
         field.choice("curvature", curvature, {"literal", "scale_free"},
-                     "what a bent vote loses: literal, the paper's constant, goes by the size of "
-                     "splats; scale_free does not");
+                     "decay of a curved vote; literal: constant of the paper, depends on the size "
+                     "of splats; scale_free: independent of it");
         field.choice("vote_map", vote_map, {"covariant", "unit"},
-                     "covariant: votes keep the length that un-whitening gives them (paper); unit: "
-                     "length 1");
+                     "length of a vote; covariant: as un-whitening gives it (paper); unit: 1");
         field("flatness_limit", flatness_limit, {0, 1},
-              "no scale counts as thinner than this times the middle one, votes at the centres");
+              "smallest scale, as a share of the middle scale, for votes at centres");
         field("flatness_limit_position", flatness_limit_position, {0, 1},
-              "the same, votes at the virtual receivers");
+              "smallest scale, as a share of the middle scale, for votes at virtual receivers");
         field.choice("strength", strength, {"relative", "literal"},
-                     "relative: saliency / lambda_1; literal: the paper's");
+                     "strength of a vote; relative: saliency / lambda_1; literal: as in the paper");
         field.choice("targets", targets, {"votes", "anchor"},
-                     "of the position loss; anchor: every splat's own centre, a control for what "
-                     "the votes add");
+                     "targets of the position loss; votes: voted positions; anchor: own centre of "
+                     "each splat, for comparison");
         field("virtual_range", virtual_range, {0.05, 20},
-              "reach of the virtual receivers, in largest scales");
+              "distance of the virtual receivers, in largest scales");
         field("target_margin", target_margin, {0, 10},
-              "share of lambda_1 by which a virtual receiver must be more salient than the centre");
+              "smallest gain of saliency of a virtual receiver over the centre, as a share of "
+              "lambda_1");
         field("max_vote_angle_deg", max_vote_angle_deg, {1, 90},
-              "votes at larger angles to the tangent plane are not cast");
+              "largest angle of a vote to the tangent plane, degrees");
         field("min_votes", min_votes, {0, 1000},
-              "received votes of strength over 1e-3 that the position loss asks for");
-        field.choice("precision", precision, {"single", "double"},
-                     "of votes and of sums while they are made; what is kept (tensors, normals, "
-                     "scales of voting) is single; double is for validation");
-        field.choice("lists", lists, {"full", "compact"},
-                     "how neighbours are stored; compact: a byte per vote instead of eight, the "
-                     "same results");
+              "received votes above 1e-3 that a splat needs for the position loss; 0: any");
+        field.choice(
+            "precision", precision, {"single", "double"},
+            "precision of votes and sums; results are stored in single; double is for validation");
+        field.choice(
+            "lists", lists, {"full", "compact"},
+            "storage of neighbours; compact: one byte per vote instead of eight, same results");
         field("fixed_voters", fixed_voters,
-              "PLY, OBJ or GLB of measured points (normals and a property 'weight' optional) that "
-              "vote "
-              "and never move");
-        field("fixed_weight", fixed_weight, {0, 1e6},
-              "strength of their votes, times their own weights; a splat has 1 at most");
+              "measured points that vote and never move (PLY, OBJ or GLB; optional normals and "
+              "property 'weight'); empty: none");
+        field(
+            "fixed_weight", fixed_weight, {0, 1e6},
+            "strength of votes of measured points, times their own weights; a splat has at most 1");
         field("fixed_check", fixed_check,
-              "refuse measured points that do not lie on the initial cloud");
+              "stop with an error if measured points do not lie on the start cloud");
     }
 };
 

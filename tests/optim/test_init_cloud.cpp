@@ -111,7 +111,7 @@ TEST(PrepareCloud, RefusesAnotherFrame) {
         FAIL() << "accepted";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::input);
-        EXPECT_NE(std::string(error.what()).find("a.ply: 0 % of its 1000 points"),
+        EXPECT_NE(std::string(error.what()).find("a.ply: 0 % of its 1,000 points"),
                   std::string::npos)
             << error.what();
     }
@@ -141,7 +141,7 @@ TEST(PrepareCloud, WarnsOfWhatNoViewSees) {
     prepare_cloud(cloud, two_views(), {}, "part.ply");
     spdlog::set_default_logger(previous);
     EXPECT_EQ(text.str().find("seen.ply"), std::string::npos) << text.str();
-    EXPECT_NE(text.str().find("part.ply: 25.0 % of its points are seen by no training view"),
+    EXPECT_NE(text.str().find("part.ply: no training view sees 25.0 % of its points"),
               std::string::npos)
         << text.str();
 }

@@ -220,7 +220,7 @@ void parameters_are_watched() {
                               {ParameterGroup::rotations, "the rotation of splat 7 is"},
                               {ParameterGroup::opacities, "the opacity of splat 7 is"},
                               {ParameterGroup::sh_dc, "the base colour of splat 7 is"},
-                              {ParameterGroup::sh_rest, "the spherical harmonics of splat 7"}}) {
+                              {ParameterGroup::sh_rest, "the SH coefficients of splat 7"}}) {
         Plan plan{after(12), {}, {}};
         plan.fault = {24, -1, c.group, 7, 1};
         const Outcome once = run<Device>(scene, options, plan);

@@ -31,44 +31,44 @@ struct DensifyOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("enabled", enabled, "grow and prune at all");
-        field.choice(
-            "rule", rule, {"thresholds", "quantile"},
-            "which splats grow; thresholds: those of mean screen gradients, and large ones "
-            "of mean absolute ones; quantile: as many again by the absolute ones as there "
-            "are above gradient_threshold");
-        field("from", from, {0, 1e9}, "no densification up to and including this iteration");
-        field("until", until, {0, 1e9}, "none from this iteration on");
-        field("every", every, {1, 1e9}, "iterations between densifications");
+        field("enabled", enabled, "grow and prune splats");
+        field.choice("rule", rule, {"thresholds", "quantile"},
+                     "splats that grow; thresholds: mean screen gradient, for large splats also "
+                     "mean absolute gradient, above a threshold; quantile: also as many with the "
+                     "largest absolute gradients");
+        field("from", from, {0, 1e9}, "last iteration without growth");
+        field("until", until, {0, 1e9}, "first iteration without growth again");
+        field("every", every, {1, 1e9}, "iterations between growth events");
         field("opacity_reset_every", opacity_reset_every, {1, 1e9},
               "iterations between opacity resets");
         // A lower value would make splats too faint to be drawn, and they would never recover.
-        field("reset_opacity", reset_opacity, {0.00999, 0.999}, "what a reset lowers opacities to");
+        field("reset_opacity", reset_opacity, {0.00999, 0.999}, "opacity after a reset");
         field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
         field("gradient_threshold", gradient_threshold, {0, 1e9},
-              "mean screen gradient that grows a splat, per NDC unit");
+              "mean screen gradient above which a splat grows, per NDC unit");
         field("percent_dense", percent_dense, {0, 1e3},
-              "largest scale up to which a splat is cloned, not split, in scene extents");
-        field("min_opacity", min_opacity, {0, 1}, "splats below are pruned");
+              "largest scale of splats that are cloned instead of split, in scene extents");
+        field("min_opacity", min_opacity, {0, 1}, "prune splats below this opacity");
         field("prune_large", prune_large, {0, 1e6},
-              "splats with a larger scale are pruned, in scene extents");
+              "prune splats with a larger scale, in scene extents");
         field("prune_large_after", prune_large_after, {0, 1e9},
-              "no such pruning up to and including this iteration");
+              "last iteration without that pruning");
         field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
-              "mean absolute screen gradient that splits a splat wider than 20 px, by rule "
+              "mean absolute screen gradient above which a splat wider than 20 px is split, rule "
               "thresholds");
-        field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
+        field("max_abs_split", max_abs_split, {0, 1e9},
+              "most splats split by abs_gradient_threshold at once; 0: none");
         field("trim_min_views", trim_min_views, {0, 1e6},
-              "splats in front in fewer training views are trimmed; 0: no trim");
+              "trim splats that are in front in fewer training views; 0: no trim");
         field("jitter_clones", jitter_clones,
-              "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
+              "move clones by a random draw from their splat (PGSR); false: same place (3DGS)");
         field("spare_covered", spare_covered, {0, 1},
-              "how far splats neither grow, nor are pruned or reset; less beside gaps that the "
-              "initial cloud leaves in the photographs; 0: as ever, 1: not at all");
+              "share by which growth, pruning and resets are suppressed where the start cloud "
+              "covers the photographs; 0: none, 1: fully");
         // The 45 SH floats of each splat are counted in int.
-        field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
+        field("max_gaussians", max_gaussians, {1, 4e7}, "number of splats at which growth stops");
         field("max_per_pixel", max_per_pixel, {0, 1e6},
-              "growth stops at so many splats per pixel of the training views; 0: not");
+              "splats per pixel of the training views at which growth stops; 0: no limit");
     }
 };
 

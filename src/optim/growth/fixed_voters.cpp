@@ -45,7 +45,8 @@ FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options)
     }
     if (voters.size() < 3)
         throw Error(ExitCode::input,
-                    str(path, ": ", voters.size(), " usable points; fixed voters need at least 3"));
+                    str(path, ": ", voters.size(),
+                        " usable points; measured points that vote need at least 3"));
     for (const float squared : mean_squared_neighbour_distance(voters.means, 3))
         voters.scales.push_back(std::sqrt(squared));
     const PointTree<float> tree(voters.means);

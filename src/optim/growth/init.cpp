@@ -4,6 +4,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/point_forest.h"
 #include "core/math/rng.h"
@@ -140,12 +141,12 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         if (support) confidences.push_back(scene.points.confidences[i]);
     }
     if (const std::size_t dropped = scene.points.positions.size() - positions.size(); dropped > 0)
-        spdlog::warn("{} initial points lie within {:g} world units of a camera and are left out",
-                     dropped, at_camera_distance);
+        spdlog::warn("Dropped {} start points within {:g} world units of a camera",
+                     grouped(dropped), at_camera_distance);
     if (positions.empty())
-        throw Error(ExitCode::input, str("E_NO_POINTS: ", scene.path,
-                                         ": no initial points are left; expected at least one; "
-                                         "give a cloud with --init-ply"));
+        throw Error(ExitCode::input,
+                    str("E_NO_POINTS: ", scene.path,
+                        ": no start points are left; give a cloud with --init-ply"));
 
     const std::vector<float> squared = mean_squared_neighbour_distance(positions, 3);
     Gaussians<Cpu> g;

@@ -22,40 +22,40 @@ struct InitOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("opacity", opacity, {0.001, 0.999}, "of every Gaussian at the start");
+        field("opacity", opacity, {0.001, 0.999}, "opacity of all Gaussians at the start");
         field("min_points", min_points, {0, 1e9},
-              "with fewer points tvsgs-train makes a cloud by stereo first; 0: never");
+              "fewer start points than this: tvsgs-train first makes a cloud by stereo; 0: never");
         field("use_normals", use_normals,
-              "Gaussians lie flat on the normals of the cloud, where it has any");
+              "lay Gaussians flat along the normals of the cloud, if it has any");
         field("random_rotations", random_rotations,
-              "Gaussians without a normal have rotations at random; off: none");
+              "give Gaussians without a normal random rotations; false: none");
         field("support", support,
-              "the distance to the nearest points of a cloud by stereo counts as the uncertainty "
-              "of a Gaussian's place, for loss.photometric.geometry and lr.supported_*");
+              "use the distance to the nearest points of a stereo cloud as the uncertainty of a "
+              "Gaussian's position, for loss.photometric.geometry and lr.supported_*");
         field("max_extent", max_extent, {0, 1e9},
-              "largest standard deviation, as a share of the larger side of a photograph that "
-              "shows it, at the start; 0: any");
+              "largest standard deviation at the start, as a share of the longer side of a "
+              "photograph that shows it; 0: no limit");
         field("thin", thin, {0, 1e9},
-              "scene.init_ply: one point per cube of that edge, world units; 0: all");
+              "keep one point of scene.init_ply per cube of this edge, world units; 0: all");
         field("max_points", max_points, {0, 1e9},
-              "scene.init_ply and stereo: thinned to at most that many points; 0: all");
+              "most points of scene.init_ply or stereo, thinned to it; 0: all");
         field("min_in_frame", min_in_frame, {0, 1},
-              "scene.init_ply: share of its points that two training views must see, else it is "
-              "refused");
+              "share of the points of scene.init_ply that two training views must see, else an "
+              "error; 0: no check");
         field("fixed_splats", fixed_splats,
-              "file of splats, in the frame of the scene, that are drawn with those that train and "
-              "stay as they are; they are not saved with the run");
+              "file of fixed splats, in the frame of the scene, drawn with the trained ones and "
+              "not saved with the run; empty: none");
     }
 };
 
 /// Makes one isotropic Gaussian per point. Its standard deviation is the root mean square distance
 /// to the three nearest other points, at least 1e-3.5 guard units; its rotation is the identity or
 /// random; its base colour is the point's. With normals (and use_normals) the third axis is the
-/// normal and a tenth as long. With `support`, points with a confidence above 0 get that distance as
-/// their uncertainty, the others 0. No standard deviation exceeds `max_extent` of a photograph: else
-/// a single point near a camera would cover the view. Drops points within 1e-2 guard units of a
-/// training camera, where directions and projections are ill-defined. Throws Error(ExitCode::input)
-/// when no point remains.
+/// normal and a tenth as long. With `support`, points with a confidence above 0 get that distance
+/// as their uncertainty, the others 0. No standard deviation exceeds `max_extent` of a photograph:
+/// else a single point near a camera would cover the view. Drops points within 1e-2 guard units of
+/// a training camera, where directions and projections are ill-defined. Throws
+/// Error(ExitCode::input) when no point remains.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);
 
 /// Median depth of the initial points in front of the training cameras; 0 if there are none.

@@ -6,6 +6,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 
 namespace tvsgs {
@@ -174,24 +175,22 @@ PointCloud prepare_cloud(PointCloud cloud,
     const CloudVisibility visible = cloud_visibility(cloud, views);
     const auto percent = [](double share) { return std::round(1000 * share) / 10; };
     if (visible.two_views < static_cast<double>(options.min_in_frame))
-        throw Error(
-            ExitCode::input,
-            str(name, ": ", percent(visible.two_views), " % of its ", given,
-                " points lie in front of two training cameras and inside their images; expected at "
-                "least ",
-                percent(static_cast<double>(options.min_in_frame)),
-                " %: is the cloud in the frame of the scene, with the same units and axes? "
-                "init.min_in_frame=0 takes it as it is"));
+        throw Error(ExitCode::input,
+                    str(name, ": ", percent(visible.two_views), " % of its ", grouped(given),
+                        " points are visible in two training views; expected at least ",
+                        percent(static_cast<double>(options.min_in_frame)),
+                        " %: is the cloud in the frame of the scene, with the same units and axes? "
+                        "init.min_in_frame=0 skips this check"));
     if (visible.no_view > 0.01)
         spdlog::warn(
-            "{}: {:.1f} % of its points are seen by no training view; nothing will correct them",
-            name, 100 * visible.no_view);
+            "{}: no training view sees {:.1f} % of its points; training cannot correct them", name,
+            100 * visible.no_view);
     if (options.thin > 0) cloud = thin_cloud(cloud, options.thin);
     if (options.max_points > 0)
         cloud = thin_to_count(cloud, static_cast<std::size_t>(options.max_points));
     if (cloud.positions.size() != given)
-        spdlog::info("{}: {} of {} points are left after thinning and cap", name,
-                     cloud.positions.size(), given);
+        spdlog::info("{}: thinned to {} of {} points", name, grouped(cloud.positions.size()),
+                     grouped(given));
     return cloud;
 }
 

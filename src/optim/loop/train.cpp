@@ -14,17 +14,14 @@ void check_start(const State& start, const TrainOptions& o) {
     if (degree != o.model.sh_degree)
         throw Error(ExitCode::usage,
                     str("model.sh_degree = ", o.model.sh_degree, ": the checkpoint has ", degree,
-                        ", and a run keeps it to its end"));
+                        ", which cannot change; set it to that"));
     if (start.find("cameras.numbers") != nullptr && !o.cameras.refine)
         throw Error(ExitCode::usage,
-                    "cameras.refine = false: the checkpoint's splats go with poses that were "
-                    "refined, and a run keeps that to its end");
+                    "cameras.refine = false: the checkpoint has refined poses; set it to true");
     const StateArray* const open = start.find("densify.open");
     if (spares(o.densify) && (open == nullptr || open->count() == 0))
-        throw Error(ExitCode::usage,
-                    str("densify.spare_covered = ", o.densify.spare_covered,
-                        ": the checkpoint does not say where its initial cloud covered, as the "
-                        "run began without; set it to 0"));
+        throw Error(ExitCode::usage, str("densify.spare_covered = ", o.densify.spare_covered,
+                                         ": the run began without this key; set it to 0"));
 }
 
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
@@ -32,12 +29,11 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
     if (!backbone_moves_cameras)
         throw Error(ExitCode::usage,
                     str("cameras.refine is true, but backbone '", options.backbone,
-                        "' has no derivatives by the camera; set it to false, or choose another "
-                        "backbone"));
+                        "' has no camera gradients; set it to false, or choose another backbone"));
     if (!(options.loss.photometric.weight > 0))
         throw Error(ExitCode::usage,
-                    "cameras.refine is true, but loss.photometric.weight is 0, and no other term "
-                    "moves cameras; set one to false or the other above 0");
+                    "cameras.refine needs loss.photometric.weight above 0; set it, or set "
+                    "cameras.refine to false");
 }
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {

@@ -25,9 +25,10 @@ struct ModelOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("sh_degree", sh_degree, {0, 3}, "degree of the spherical harmonics");
+        field("sh_degree", sh_degree, {0, 3},
+              "degree of the SH coefficients; 0: no view-dependent colour");
         field("sh_every", sh_every, {1, 1e9},
-              "iterations after which the degree in use rises by one");
+              "iterations after which the SH degree in use rises by one");
     }
 };
 
@@ -51,16 +52,16 @@ struct TrainOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("iterations", iterations, {0, 1e9}, "training iterations, a photograph each");
-        field("seed", seed, {0, 9e15}, "of all random numbers");
+        field("iterations", iterations, {0, 1e9}, "training iterations, one photograph each");
+        field("seed", seed, {0, 9e15}, "seed of all random numbers");
         field("photo_bytes", photo_bytes, {0, 9e15},
-              "photographs to hold on the device, bytes; where there are more, they come from the "
-              "host while it works, with the same results; 0: all");
-        field("backbone", backbone, "the rasteriser: ewa, rade or surfel");
+              "photographs to keep on the device, bytes; the others are copied from the host "
+              "during training; 0: all");
+        field("backbone", backbone, "rasteriser: ewa, rade or surfel");
         field.group("model", model, "the Gaussians");
         field.group("render", render, "the rasteriser");
         field.group("lr", lr, "learning rates");
-        field.group("loss", loss, "terms of the objective");
+        field.group("loss", loss, "loss terms");
         field.group("cameras", cameras, "poses that training improves");
         field.group("densify", densify, "growing and pruning");
         field.group("tv", tv, "tensor voting");

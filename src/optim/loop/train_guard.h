@@ -71,7 +71,7 @@ GroupFloats group_floats(Gaussians<Device>& g, ParameterGroup group) {
 /// Name of a parameter group in messages; rate_key() gives the key of its learning rate.
 inline const char* name_of(ParameterGroup group) {
     constexpr const char* kNames[] = {"centre",  "scale",       "rotation",
-                                      "opacity", "base colour", "spherical harmonics"};
+                                      "opacity", "base colour", "SH coefficients"};
     return kNames[static_cast<int>(group)];
 }
 inline const char* rate_key(ParameterGroup group) {

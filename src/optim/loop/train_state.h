@@ -146,8 +146,8 @@ private:
         const auto expect = [&](const std::string& name, std::size_t each, bool may_be_empty) {
             const std::size_t count = count_of(name);
             if (count != n * each && !(may_be_empty && count == 0))
-                throw Error(ExitCode::input, str("the checkpoint's '", name, "' has ", count,
-                                                 " elements; expected ", n * each));
+                throw Error(ExitCode::input, str("checkpoint array '", name, "' has ", count,
+                                                 " elements, expected ", n * each));
         };
         Gaussians<Cpu> shapes;
         shapes.sh_degree = degree;
@@ -173,7 +173,7 @@ private:
         int done = -1;
         visitor.value("iterations", done);
         if (n == 0 || done < 0)
-            throw Error(ExitCode::input, "the checkpoint holds no splats or no iteration");
+            throw Error(ExitCode::input, "the checkpoint has no splats or no iteration");
     }
 };
 
@@ -192,7 +192,7 @@ public:
           good_(std::move(start)) {
         if (const auto bad = good_ ? find_not_finite(*good_) : std::nullopt)
             throw Error(ExitCode::numerical,
-                        str("the checkpoint's '", bad->array, "' is not finite at ", bad->element));
+                        str("checkpoint array '", bad->array, "' is not finite at ", bad->element));
         restart();
         if (const auto fault = find_fault(0))
             throw Error(ExitCode::numerical, str("the first splats: ", fault->what));
@@ -308,16 +308,15 @@ private:
         if (rolled_back_) {
             if (!good_) good_ = capture();
             if (callbacks_.on_save) callbacks_.on_save(back, good_);
-            throw Error(
-                ExitCode::numerical,
-                str(fault.what, ", again after the run had been rolled back once; lower ", rates,
-                    callbacks_.on_save ? str(" and resume from iteration ", back) : ""));
+            throw Error(ExitCode::numerical,
+                        str(fault.what, ", again after a rollback; lower ", rates,
+                            callbacks_.on_save ? str(" and resume from iteration ", back) : ""));
         }
         rolled_back_ = true;
         for (const ParameterGroup group : groups) state_->adam.lower_rate(group, 0.1f);
         if (callbacks_.on_rollback)
             callbacks_.on_rollback(back, str(fault.what, "; back to iteration ", back, ", with ",
-                                             rates, " divided by 10 from there on"));
+                                             rates, " divided by 10 from there"));
     }
 
     const Scene& scene_;

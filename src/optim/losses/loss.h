@@ -122,8 +122,8 @@ struct ScheduledOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("weight", weight, {0, 1e6}, "0 switches the term off");
-        field("start", start, {1, 1e9}, "first iteration");
+        field("weight", weight, {0, 1e6}, "weight of the term; 0: off");
+        field("start", start, {1, 1e9}, "first iteration of the term");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {
@@ -139,13 +139,12 @@ struct SharedLossOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.group("multi_view", multi_view,
-                    "which views are paired, for the terms that compare views");
+        field.group("multi_view", multi_view, "neighbour views, for the terms that compare views");
         field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
-                     "how the two voting terms add up splats");
+                     "sum of the two voting terms over splats");
         field.choice("length_unit", length_unit, {"world", "depth"},
-                     "unit of lengths in flatten and tv_position; depth: a third of the median "
-                     "depth of the initial cloud");
+                     "unit of lengths in flatten and tv_position; world: world units; depth: a "
+                     "third of the median depth of the start cloud");
     }
 };
 

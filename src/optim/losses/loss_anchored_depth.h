@@ -21,11 +21,11 @@ struct AnchoredDepthOptions : ScheduledOptions {
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
         field("refresh_every", refresh_every, {1, 1e9},
-              "iterations after which a view's target is made anew");
+              "iterations between updates of the target of a view");
         field("anchor_confidence", anchor_confidence, {0, 1},
-              "of the prior; pixels at or below are no anchors");
+              "pixels at or below this confidence of the prior are not anchors");
         field("min_confidence", min_confidence, {0, 1},
-              "of the prior; pixels at or below are not compared");
+              "pixels at or below this confidence of the prior are not compared");
     }
 };
 
@@ -232,7 +232,7 @@ struct AnchoredDepthEntry {
     AnchoredDepthOptions anchored_depth{{0, 1000}};
     static constexpr const char* kKey = "anchored_depth";
     static constexpr const char* kMeaning =
-        "depth against a prior that is fitted to pixels that views agree on, VGGS";
+        "depth against a prior fitted to pixels where views agree (VGGS)";
     static constexpr auto kOptions = &AnchoredDepthEntry::anchored_depth;
     template <class Device>
     using Term = AnchoredDepthLoss<Device>;

@@ -89,7 +89,7 @@ struct DepthRankEntry {
     ScheduledOptions depth_rank;
     static constexpr const char* kKey = "depth_rank";
     static constexpr const char* kMeaning =
-        "which of two pixels is farther, by the render and by a prior, FatesGS";
+        "depth order of pixel pairs, render against prior (FatesGS)";
     static constexpr auto kOptions = &DepthRankEntry::depth_rank;
     template <class Device>
     using Term = DepthRankLoss<Device>;

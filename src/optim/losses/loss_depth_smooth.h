@@ -92,7 +92,7 @@ private:
 struct DepthSmoothEntry {
     ScheduledOptions depth_smooth;
     static constexpr const char* kKey = "depth_smooth";
-    static constexpr const char* kMeaning = "smooth depth where a prior is smooth, FatesGS";
+    static constexpr const char* kMeaning = "smooth depth where the prior is smooth (FatesGS)";
     static constexpr auto kOptions = &DepthSmoothEntry::depth_smooth;
     template <class Device>
     using Term = DepthSmoothLoss<Device>;

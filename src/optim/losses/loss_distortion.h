@@ -44,7 +44,7 @@ private:
 struct DistortionEntry {
     ScheduledOptions distortion{0, 3001};
     static constexpr const char* kKey = "distortion";
-    static constexpr const char* kMeaning = "depths that a pixel blends against each other, 2DGS";
+    static constexpr const char* kMeaning = "spread of the depths that a pixel blends (2DGS)";
     static constexpr auto kOptions = &DistortionEntry::distortion;
     template <class Device>
     using Term = DistortionLoss<Device>;

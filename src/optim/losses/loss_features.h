@@ -152,9 +152,9 @@ private:
             const DeviceMap<Device>&a = *in.view.map(name), &b = *other.view().map(name);
             if (a.channels != b.channels)
                 throw Error(ExitCode::input,
-                            str("map '", name, "': view ", in.view.index, " has descriptors of ",
-                                a.channels, " numbers, view ", other.view().index, " of ",
-                                b.channels, "; views are compared, so all need the same"));
+                            str("map '", name, "': ", a.channels, " channels in view ",
+                                in.view.index, ", ", b.channels, " in view ", other.view().index,
+                                "; expected the same number in all views"));
             parallel_for(
                 Device{}, pixels,
                 FeatureBody{pair, images.camera, features(a), features(b), images.depth.span(),
@@ -179,7 +179,7 @@ struct FeatureEntry {
     ScheduledOptions features;
     static constexpr const char* kKey = "features";
     static constexpr const char* kMeaning =
-        "descriptors of photographs where two views see one surface, FatesGS";
+        "descriptors of photographs where two views see the same surface (FatesGS)";
     static constexpr auto kOptions = &FeatureEntry::features;
     template <class Device>
     using Term = FeatureLoss<Device>;

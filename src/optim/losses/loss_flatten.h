@@ -70,7 +70,7 @@ private:
 struct FlattenEntry {
     ScheduledOptions flatten;
     static constexpr const char* kKey = "flatten";
-    static constexpr const char* kMeaning = "smallest scale of each visible splat, PGSR";
+    static constexpr const char* kMeaning = "smallest scale of each visible splat (PGSR)";
     static constexpr auto kOptions = &FlattenEntry::flatten;
     template <class Device>
     using Term = FlattenLoss<Device>;

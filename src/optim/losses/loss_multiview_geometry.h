@@ -76,7 +76,7 @@ private:
 struct MultiViewGeometryEntry {
     ScheduledOptions multi_view_geometry{0, 7001};
     static constexpr const char* kKey = "multi_view_geometry";
-    static constexpr const char* kMeaning = "depth maps of two views against each other, PGSR";
+    static constexpr const char* kMeaning = "depth maps of two views against each other (PGSR)";
     static constexpr auto kOptions = &MultiViewGeometryEntry::multi_view_geometry;
     template <class Device>
     using Term = MultiViewGeometryLoss<Device>;

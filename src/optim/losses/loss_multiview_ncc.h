@@ -149,7 +149,7 @@ struct MultiViewNccEntry {
     ScheduledOptions multi_view_ncc{0, 7001};
     static constexpr const char* kKey = "multi_view_ncc";
     static constexpr const char* kMeaning =
-        "patches of photographs against those of another view, PGSR";
+        "photograph patches of two views against each other (PGSR)";
     static constexpr auto kOptions = &MultiViewNccEntry::multi_view_ncc;
     template <class Device>
     using Term = MultiViewNccLoss<Device>;

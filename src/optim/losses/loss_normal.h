@@ -83,7 +83,7 @@ struct NormalEntry {
     ScheduledOptions normal{0, 7001};
     static constexpr const char* kKey = "normal";
     static constexpr const char* kMeaning =
-        "blended normals against normals of the depth map, PGSR single view";
+        "blended normals against normals of the depth map (PGSR, single view)";
     static constexpr auto kOptions = &NormalEntry::normal;
     template <class Device>
     using Term = NormalLoss<Device>;

@@ -14,9 +14,9 @@ struct NormalConsistencyOptions : ScheduledOptions {
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
         field("expected", expected, {0, 1},
-              "share of the normals of the mean depth; the rest: those of render.depth");
+              "share of normals from the mean depth, the rest from render.depth");
         field("by_coverage", by_coverage,
-              "the depth map's normals count by the coverage of their pixels (2DGS), or fully");
+              "weight the normals of the depth map by coverage (2DGS); false: full weight");
     }
 };
 
@@ -102,7 +102,7 @@ struct NormalConsistencyEntry {
     NormalConsistencyOptions normal_consistency{{0, 7001}};
     static constexpr const char* kKey = "normal_consistency";
     static constexpr const char* kMeaning =
-        "directions of blended normals against those of the depth map, 2DGS";
+        "directions of blended normals against the depth map (2DGS)";
     static constexpr auto kOptions = &NormalConsistencyEntry::normal_consistency;
     template <class Device>
     using Term = NormalConsistencyLoss<Device>;

@@ -22,30 +22,30 @@ struct PhotometricOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
-        field("ssim", ssim, {0, 1}, "share of the SSIM term");
+        field("weight", weight, {0, 1e6}, "weight of (1 - ssim) L1 + ssim (1 - SSIM); 0: off");
+        field("ssim", ssim, {0, 1}, "share of the SSIM term, 0 to 1");
         field("geometry", geometry, {0, 1},
               "share of the gradient that moves, turns and scales splats that stereo supports "
               "(init.support); colours and opacities get all of it");
         field("exposure", exposure,
-              "fit a brightness and an offset per photograph in the L1 term, PGSR");
-        field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
+              "fit brightness and offset of each photograph, in the L1 term (PGSR)");
+        field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that fit");
         field("exposure_from", exposure_from,
-              "finished run whose fitted exposures are held, from the first iteration on, instead "
-              "of fitting others: so that parts of a scene agree in their colours");
-        field.choice("masks", masks, {"auto", "object", "ignore", "none"},
-                     "object: nothing is outside of the masks; ignore: what is outside is not "
-                     "looked at; auto: the plan decides, without one as none");
+              "finished run whose exposures are used instead of fitting new ones, for the same "
+              "colours in all blocks; empty: none");
+        field.choice(
+            "masks", masks, {"auto", "object", "ignore", "none"},
+            "pixels outside the masks; object: background, must stay empty; ignore: not compared; "
+            "none: masks are not used; auto: the plan decides, none without a plan");
         field("coverage", coverage, {0, 1e6},
-              "of what splats cover outside of object masks, as the weight of L1 and SSIM");
-        field(
-            "background", background,
-            "what lies behind the splats, and outside of object masks: black, white, R,G,B from 0 "
-            "to 255, random (with object masks only), sky: colours by direction, made of the "
-            "photographs; none: black, and outside of object masks nothing is compared");
+              "weight of splats that cover pixels outside object masks; 0: off");
+        field("background", background,
+              "colour behind the splats and outside object masks: black, white, R,G,B (0 to 255), "
+              "random (object masks only) or sky (by direction, from the photographs); none: "
+              "black, and pixels outside object masks are not compared");
         field("sky_from", sky_from,
-              "finished run whose sky is taken, instead of making one: so that parts of a scene "
-              "have the same");
+              "finished run whose sky is used instead of making one, for the same sky in all "
+              "blocks; empty: none");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {

@@ -14,9 +14,10 @@ struct PriorDepthOptions : ScheduledOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
-        field("end", end, {0, 1e9}, "last iteration; 0: the term never ends");
-        field("last_share", last_share, {1e-6, 1},
-              "share of the weight that is left at `end`; it falls by the same factor each time");
+        field("end", end, {0, 1e9}, "last iteration; 0: never ends");
+        field(
+            "last_share", last_share, {1e-6, 1},
+            "share of the weight left at the last iteration, with exponential decay; 1: no decay");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {

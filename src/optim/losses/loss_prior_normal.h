@@ -14,7 +14,7 @@ struct PriorNormalOptions : ScheduledOptions {
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
         field("by_confidence", by_confidence,
-              "pixels count by the confidence of the prior, or alike where it is above 0");
+              "weight pixels by the confidence of the prior; false: equal weights above 0");
     }
 };
 
@@ -88,7 +88,7 @@ private:
 struct PriorNormalEntry {
     PriorNormalOptions prior_normal;
     static constexpr const char* kKey = "prior_normal";
-    static constexpr const char* kMeaning = "normals of the depth map against a prior's, VGGS";
+    static constexpr const char* kMeaning = "normals of the depth map against a prior (VGGS)";
     static constexpr auto kOptions = &PriorNormalEntry::prior_normal;
     template <class Device>
     using Term = PriorNormalLoss<Device>;

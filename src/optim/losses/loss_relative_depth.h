@@ -14,9 +14,10 @@ struct RelativeDepthOptions : ScheduledOptions {
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
         field("dead_zone", dead_zone, {0, 1},
-              "pairs whose priors differ by less have no order, in the prior's range");
+              "smallest difference of the priors of a pair that gives an order, as a share of the "
+              "prior's range");
         field("min_confidence", min_confidence, {0, 1},
-              "of the prior; pixels at or below are in no pair");
+              "pixels at or below this confidence of the prior are in no pair");
     }
 };
 
@@ -107,7 +108,7 @@ struct RelativeDepthEntry {
     RelativeDepthOptions relative_depth;
     static constexpr const char* kKey = "relative_depth";
     static constexpr const char* kMeaning =
-        "which of two pixels is farther, by the render and by a prior, VGGS";
+        "depth order of pixel pairs, render against prior (VGGS)";
     static constexpr auto kOptions = &RelativeDepthEntry::relative_depth;
     template <class Device>
     using Term = RelativeDepthLoss<Device>;

@@ -20,22 +20,24 @@ struct AdamOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("position_start", position_start, {0, 1},
-              "rate of the means at the start, in scene extents");
+              "learning rate of the means at the start, in scene extents");
         field("position_end", position_end, {0, 1},
-              "the same at position_max_steps; geometric in between");
+              "learning rate of the means at position_max_steps, with exponential decay between");
         field("position_max_steps", position_max_steps, {1, 1e9},
-              "iterations over which the means' rate falls");
-        field("sh_dc", sh_dc, {0, 1}, "rate of the base colour");
-        field("sh_rest", sh_rest, {0, 1}, "rate of the higher spherical harmonics");
-        field("opacity", opacity, {0, 10}, "rate of the opacity logits");
-        field("scale", scale, {0, 1}, "rate of the log scales");
-        field("rotation", rotation, {0, 1}, "rate of the quaternions");
+              "iterations over which the rate of the means falls");
+        field("sh_dc", sh_dc, {0, 1}, "learning rate of the base colour");
+        field("sh_rest", sh_rest, {0, 1}, "learning rate of the other SH coefficients");
+        field("opacity", opacity, {0, 10}, "learning rate of the opacity logits");
+        field("scale", scale, {0, 1}, "learning rate of the log scales");
+        field("rotation", rotation, {0, 1}, "learning rate of the quaternions");
         field("supported_position", supported_position, {0, 10},
-              "rate of the means that stereo supports (init.support), in their uncertainties at "
-              "the start; falls as that of the others; 0: the rates of the others hold");
-        field("supported_scale", supported_scale, {0, 1}, "rate of the log scales of these splats");
+              "learning rate of the means that stereo supports (init.support), in their "
+              "uncertainties at the start, with the decay of the others; 0: learning rates of the "
+              "others");
+        field("supported_scale", supported_scale, {0, 1},
+              "learning rate of the log scales of supported splats");
         field("supported_rotation", supported_rotation, {0, 1},
-              "rate of the quaternions of these splats");
+              "learning rate of the quaternions of supported splats");
     }
 };
 

@@ -197,12 +197,11 @@ void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradient
     if (numbers.size() != numbers_.size() || gradients != expected)
         throw Error(
             ExitCode::input,
-            str("the checkpoint's 'cameras.numbers' and 'cameras.gradients' have ", numbers.size(),
-                " and ", gradients, " elements; expected ", numbers_.size(), " and ", expected));
+            str("checkpoint arrays 'cameras.numbers' and 'cameras.gradients' have ", numbers.size(),
+                " and ", gradients, " elements, expected ", numbers_.size(), " and ", expected));
     for (const double number : numbers)
         if (!std::isfinite(number))
-            throw Error(ExitCode::input,
-                        "the checkpoint's 'cameras.numbers' holds one that is not finite");
+            throw Error(ExitCode::input, "checkpoint array 'cameras.numbers' is not finite");
     numbers_ = std::move(numbers);
     place();
 }

@@ -20,15 +20,15 @@ struct CameraOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("refine", refine, "the training views' poses move along the photometric term");
-        field("start", start, {1, 1e9}, "first iteration");
+        field("refine", refine, "refine the poses of the training views by the photometric term");
+        field("start", start, {1, 1e9}, "first iteration of the refinement");
         field("rate", rate, {0, 10},
-              "most pixels by which a number of a pose moves in a round of the views; less where "
-              "more rounds reach bound_px with it, and falling to 0");
+              "largest step of a pose number per round of all views, pixels; decays to 0");
         field("prior", prior, {0, 1e6},
-              "pull back to the given poses: half of it times the squared pixels joins the loss");
+              "pull towards the given poses: adds half of it times the squared pixels to the loss; "
+              "0: none");
         field("bound_px", bound_px, {1e-3, 1e4},
-              "no view turns or shifts farther than that, pixels at the scene's depth");
+              "largest turn and shift of a view, pixels at the depth of the scene");
     }
 };
 

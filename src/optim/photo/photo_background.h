@@ -46,11 +46,11 @@ struct PhotoBackground {
 PhotoBackground parse_background(const std::string& text);
 
 inline constexpr const char* kRandomNeedsObject =
-    "loss.photometric.background is random, but loss.photometric.masks is not object: photographs "
-    "have a background of their own; use object masks (--mask-use object), or give its colour";
+    "loss.photometric.background is random, which needs object masks; give --mask-use object, or "
+    "the colour of the background";
 
 inline constexpr const char* kSkyNeedsMap =
-    "loss.photometric.background is sky, but there is no map of it (PhotometricOptions::sky)";
+    "loss.photometric.background is sky, but no sky map is set (PhotometricOptions::sky)";
 
 /// Whether a mask's pixel counts as inside, or as background; see View::mask.
 TVSGS_HD inline bool is_inside(float mask) {

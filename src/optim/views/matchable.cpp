@@ -161,7 +161,7 @@ std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks) {
     std::vector<float> open(points.size(), 0);
-    Progress progress("looking for gaps of the cloud", static_cast<double>(views.size()));
+    Progress progress("gaps of the start cloud", static_cast<double>(views.size()));
     for (const View& view : views) {
         progress.advance();
         const std::vector<Sighting> seen = sightings(view.camera, points, 1);
@@ -171,7 +171,7 @@ std::vector<float> open_shares(const std::vector<View>& views,
     }
     const auto beside = std::count_if(open.begin(), open.end(), [](float o) { return o > 0; });
     if (!open.empty())
-        spdlog::info("growth: {:.1f} % of the first splats lie beside what the cloud leaves open",
+        spdlog::info("Growth: {:.1f} % of the first splats lie beside gaps of the start cloud",
                      100.0 * static_cast<double>(beside) / static_cast<double>(open.size()));
     return open;
 }

@@ -144,25 +144,23 @@ ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, 
     if (found.lonely == 0) {
         std::size_t pairs = 0;
         for (const auto& chosen : found.result.of_view) pairs += chosen.size();
-        spdlog::info("multi-view losses: {:.1f} other views per training view",
+        spdlog::info("Each photograph is compared with {:.1f} others",
                      static_cast<double>(pairs) / views);
     } else {
         spdlog::warn(
-            "multi-view losses: off for {} of {} training views: none of the other views is within "
-            "{:.4g} degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
+            "Multi-view losses are off for {} of {} training views: no other view within {:.4g} "
+            "degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
             found.lonely, views,
             static_cast<double>(std::max(options.max_angle_deg, options.lone_angle_deg)),
             static_cast<double>(relative ? options.min_baseline : options.min_distance),
             static_cast<double>(relative ? options.max_baseline : options.max_distance), unit,
             relative ? "relative" : "official",
-            found.without_depth > 0
-                ? "; some see no initial point, which leaves their depth unknown"
-                : "",
-            relative ? "" : "; limits in depths: loss.multi_view.limits = relative");
+            found.without_depth > 0 ? "; some see no start point, so their depth is unknown" : "",
+            relative ? "" : "; for limits in depths set loss.multi_view.limits=relative");
         if (found.most_distance > 0)
             spdlog::warn(
-                "multi-view losses: the nearest other views of these are {:.4g} to {:.4g} "
-                "{} and {:.1f} to {:.1f} degrees away",
+                "The nearest other views of these views are {:.4g} to {:.4g} {} and {:.1f} to "
+                "{:.1f} degrees away",
                 found.least_distance, found.most_distance, unit, found.least_angle,
                 found.most_angle);
     }

@@ -22,19 +22,24 @@ struct ViewPairOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice(
-            "limits", limits, {"official", "relative"},
-            "distances of paired views: official: min/max_distance, world units; relative: "
-            "min/max_baseline, in median depths of the view");
-        field("count", count, {1, 1e6}, "most others that a view is paired with");
-        field("max_angle_deg", max_angle_deg, {0, 180}, "between the optical axes");
+        field.choice("limits", limits, {"official", "relative"},
+                     "limits of the distance of neighbour views; official: min_distance and "
+                     "max_distance; relative: min_baseline and max_baseline");
+        field("count", count, {1, 1e6}, "most neighbour views of a view");
+        field("max_angle_deg", max_angle_deg, {0, 180},
+              "largest angle between the optical axes, degrees");
         field("lone_angle_deg", lone_angle_deg, {0, 180},
-              "the same for views that have no other within max_angle_deg, if larger");
-        field("min_distance", min_distance, {0, 1e9}, "between the cameras, world units");
-        field("max_distance", max_distance, {0, 1e9}, "between the cameras, world units");
-        field("min_baseline", min_baseline, {0, 1e9}, "between the cameras, in depths");
-        field("max_baseline", max_baseline, {0, 1e9}, "between the cameras, in depths");
-        field("samples", samples, {1, 1e8}, "most patches matched per iteration");
+              "largest angle for views without a neighbour within max_angle_deg, degrees; used if "
+              "larger");
+        field("min_distance", min_distance, {0, 1e9},
+              "smallest distance between the cameras, world units");
+        field("max_distance", max_distance, {0, 1e9},
+              "largest distance between the cameras, world units");
+        field("min_baseline", min_baseline, {0, 1e9},
+              "smallest distance between the cameras, in median depths of the view");
+        field("max_baseline", max_baseline, {0, 1e9},
+              "largest distance between the cameras, in median depths of the view");
+        field("samples", samples, {1, 1e8}, "most patches compared per iteration");
     }
 };
 
