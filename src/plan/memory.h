@@ -15,8 +15,9 @@ struct MemoryOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("gpu", gpu,
-              "GPU memory that training may take, such as 8G or 500M; empty: 90 % of what is free");
-        field("host", host, "the same of the host's memory");
+              "GPU memory for training, such as 8G or 500M; empty: 90 % of the free memory");
+        field("host", host,
+              "host memory for training, such as 8G or 500M; empty: 90 % of the free memory");
     }
 };
 

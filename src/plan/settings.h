@@ -20,14 +20,14 @@ struct PlanOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("enabled", enabled, "look at the scene and set what nothing else sets");
+        field("enabled", enabled, "choose settings from the scene for keys that you do not set");
         field.choice("until", until, {"iterations", "converged"},
-                     "converged: stop when PSNR on views that do not train has stopped rising");
+                     "end of the training; iterations: all iterations; converged: stop when test "
+                     "photographs stop improving");
         field("time_budget", time_budget, {0, 1e9},
-              "seconds of training that the schedule is fitted into; 0: as long as it takes");
+              "shorten the schedule to so many seconds of training; 0: no limit");
         field("coverage", coverage, {-1, 1e3},
-              "points of the initial cloud per pixel that stereo could match, by which the plan of "
-              "the training decides; below 0: what was measured");
+              "start points per textured pixel, for the decisions of the plan; below 0: measured");
     }
 };
 
