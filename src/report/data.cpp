@@ -95,7 +95,7 @@ void add_results(JsonValue& report, const std::string& run) {
         try {
             result = read_json(file.string());
         } catch (const Error& error) {  // a file of another program: leave it out
-            spdlog::warn("{}; the report leaves it out", error.what());
+            spdlog::warn("{}; not in the report", error.what());
             continue;
         }
         if (name == "nvs") {
@@ -214,10 +214,10 @@ private:
             if (!exists(plan)) return;
             const JsonValue decisions = read_json(plan)["decisions"];
             if (!decisions.is(JsonValue::Kind::list))
-                throw input_error(plan, ": holds no decisions; expected the file of tvsgs-train");
+                throw input_error(plan, ": no decisions; expected the file of tvsgs-train");
             report_.set("plan", decisions);
         });
-        part("the limits of its memory", [&] { report_.set("memory", read_json(memory)); });
+        part("the memory limits", [&] { report_.set("memory", read_json(memory)); });
     }
 
     void add_view() {
@@ -239,10 +239,10 @@ private:
             report_.set("mesh", std::move(mesh));
         }
         if (static_cast<std::size_t>(training) > kMaxCoverageViews)
-            missing_.push_back(str("coverage: ", training, " training views; it is looked at of ",
-                                   kMaxCoverageViews, " at most"));
+            missing_.push_back(str("coverage: measured for at most ", kMaxCoverageViews,
+                                   " training views, this run has ", training));
         if (run.splats.size() == 0)
-            throw input_error(run_, ": holds no splats yet; expected those of a training");
+            throw input_error(run_, ": no splats yet; wait for the end of the training");
         report_.set("splats", run.splats.size());
         report_.set("coverage", coverage_json(run.splats, subject.cameras));
         if (!report_["coverage"] && static_cast<std::size_t>(training) <= kMaxCoverageViews)

@@ -21,7 +21,7 @@ void if_possible(const char* part,
     try {
         action();
     } catch (const Error& error) {
-        spdlog::warn("{}; the {} does without {}", error.what(), whole, part);
+        spdlog::warn("{}; missing from the {}: {}", error.what(), whole, part);
         if (missing != nullptr) missing->push_back(str(part, ": ", error.what()));
     }
 }

@@ -26,7 +26,7 @@ std::string plot_table(const Plot& plot, const std::string& source) {
         rows.push_back(std::move(row));
     }
     std::string caption = plot.title + ", " + plot.y_label;
-    if (count < n) caption += str("; ", count, " of ", n, " rows, ", source, " has them all");
+    if (count < n) caption += str("; ", count, " of ", n, " rows, all are in ", source);
     return html_table(caption, heads, rows);
 }
 
@@ -36,12 +36,6 @@ std::vector<double> numbers(const JsonValue& list) {
     std::vector<double> values;
     for (const JsonValue& item : list.items) values.push_back(item.number_or(std::nan("")));
     return values;
-}
-
-std::string grouped(std::size_t value) {
-    std::string text = std::to_string(value);
-    for (std::size_t i = 3; i < text.size(); i += 4) text.insert(text.size() - i, ",");
-    return text;
 }
 
 std::string html_table(const std::string& caption,

@@ -12,9 +12,6 @@ namespace tvsgs {
 /// Numbers of a JSON list; NaN for other values.
 std::vector<double> numbers(const JsonValue& list);
 
-/// 1234567 as 1,234,567.
-std::string grouped(std::size_t value);
-
 /// `style`: attributes of the table, with a leading space.
 std::string html_table(const std::string& caption,
                        const std::vector<std::string>& heads,

@@ -58,11 +58,8 @@ private:
         if (!scene["split"].text.empty()) text += ", split " + scene["split"].text;
         if (const double n = scene["num_views"].number_or(0); n > 0)
             text += ", " + short_number(n) + " views";
-        text +=
-            str(", backbone ", report_["config"]["backbone"].text_or("unknown"), ", tensor voting ",
-                report_["config"]["tv"]["enabled"].number != 0 ? "on" : "off", ", seed ",
-                short_number(report_["config"]["seed"].number_or(0)), ", on ",
-                run["device"].text_or("unknown"), ".");
+        text += str(", seed ", short_number(report_["config"]["seed"].number_or(0)), ", on ",
+                    run["device"].text_or("unknown"), ".");
         return text;
     }
 
@@ -90,23 +87,21 @@ private:
     void verdict() {
         heading("verdict", "Verdict");
         if (report_["summary"]["event"].text != "done")
-            body_ +=
-                "<p class=\"notice\">This run has not finished: there is no line "
-                "&ldquo;done&rdquo; in its log.</p>\n";
+            body_ += "<p class=\"notice\">This run has not finished.</p>\n";
         const RunVerdict v = verdict_of(report_);
         body_ += str("<p class=\"lead\">", escaped(v.what), "</p>\n<p class=\"lead\">");
         if (!v.level.empty())
-            body_ += str("<strong class=\"level\">How good: ", v.level, ".</strong> ");
+            body_ += str("<strong class=\"level\">Quality: ", v.level, ".</strong> ");
         body_ += escaped(v.quality) + "</p>\n";
         if (!v.limits.empty())
-            sentences("What limits it", v.limits);
+            sentences("What limits the quality", v.limits);
         else if (report_["coverage"])
-            paragraph("Nothing that was measured limits it.");
+            paragraph("No limit was found.");
         if (!v.next.empty()) sentences("What to photograph next", v.next);
-        if (!v.left_out.empty()) sentences("Left out by the plan", {v.left_out});
+        if (!v.left_out.empty()) sentences("Not needed for this scene", {v.left_out});
         std::vector<std::string> missing;
         for (const JsonValue& what : report_["missing"].items) missing.push_back(what.text);
-        if (!missing.empty()) sentences("What this report lacks", missing);
+        if (!missing.empty()) sentences("Missing from this report", missing);
     }
 
     /// The plan's decisions, in their order.
@@ -120,7 +115,7 @@ private:
         }
         if (rows.empty()) return;
         heading("plan", "Plan");
-        body_ += html_table("What was decided for this scene, and why",
+        body_ += html_table("Decisions for this scene and their reasons",
                             {"decision", "choice", "reason"}, rows, " class=\"plan\"");
     }
 
@@ -156,7 +151,7 @@ private:
         const std::vector<Plot> plots = plots_over_time(report_["evaluations"]);
         if (plots.empty()) return;
         heading("time", "Error against time");
-        paragraph("Seconds of training; the time that evaluations take is not counted.");
+        paragraph("Seconds of training, without evaluations.");
         body_ += "<div class=\"plots\">\n";
         for (const Plot& plot : plots) body_ += figure(plot);
         body_ += "</div>\n";
@@ -174,7 +169,7 @@ private:
             if (std::any_of(term.y.begin(), term.y.end(), [](double v) { return v > 0; }))
                 plot.series.push_back(std::move(term));
         }
-        paragraph("Of the view that each reported iteration trained on.");
+        paragraph("Measured on the training view of each reported iteration.");
         body_ += "<div class=\"plots\">\n" + figure(plot) + "</div>\n";
     }
 
@@ -199,7 +194,7 @@ private:
                          ""});
         body_ += figure({"Memory",
                          "seconds",
-                         "MiB of the trainer's buffers",
+                         "MiB of buffers",
                          false,
                          false,
                          true,
@@ -261,8 +256,9 @@ private:
         if (plots.empty()) return;
         heading("curves", "Precision and recall");
         paragraph(
-            "Precision: the share of centres, or of the mesh, closer to the true surface than the "
-            "threshold. Recall: the share of the surface closer to a centre, or to the mesh.");
+            "Precision: share of the splat centres or the mesh within the threshold of the true "
+            "surface. Recall: share of the true surface within the threshold of a centre or the "
+            "mesh.");
         body_ += "<div class=\"plots\">\n" + plots + "</div>\n";
     }
 
@@ -282,7 +278,7 @@ private:
         const auto& pictures = report_["pictures"].items;
         if (pictures.size() < views.size())
             paragraph(str("Pictures of ", pictures.size(), " of ", views.size(),
-                          " views, from the lowest PSNR to the highest."));
+                          " views, lowest PSNR first."));
         for (const JsonValue& view : pictures) {
             const std::string name = view["name"].text;
             body_ += str("<section class=\"view\"><h3>", escaped(name), ": ",
@@ -299,7 +295,7 @@ private:
         }
         if (!pictures.empty())
             paragraph(
-                "Difference: dark is none, bright a quarter of the range and more. Normals: blue "
+                "Difference: dark is 0, bright is a quarter of the range or more. Normals: blue "
                 "faces the camera, red right, green up. Depth: near is bright.");
     }
 
@@ -316,11 +312,10 @@ private:
     void view() {
         if (!view_) return;
         heading("view", "View in 3D");
-        body_ += str(
-            "<figure class=\"viewer card\">\n<img src=\"", view_->poster,
-            "\" alt=\"The splats, as the middle camera sees them\">\n<p><button type=\"button\" "
-            "id=\"open-view\">Look at it from all sides</button></p>\n<figcaption>Splats, mesh, "
-            "cameras with photographs, colours by error where the true surface is known.");
+        body_ += str("<figure class=\"viewer card\">\n<img src=\"", view_->poster,
+                     "\" alt=\"The splats from the middle camera\">\n<p><button type=\"button\" "
+                     "id=\"open-view\">Open the view in 3D</button></p>\n<figcaption>Splats, mesh, "
+                     "cameras with photographs; colours by error if the true surface is known.");
         for (const std::string& note : view_->notes) body_ += " " + escaped(note);
         body_ +=
             str("</figcaption>\n</figure>\n<script type=\"application/json\" id=\"view-page\">",

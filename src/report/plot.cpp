@@ -298,7 +298,7 @@ std::string bars_svg(const Bars& bars, const std::string& id) {
         if (std::isfinite(v)) largest = std::max(largest, v);
     const double height = 34 + kRow * static_cast<double>(bars.values.size()) + 6;
     std::string note = str(bars.values.size(), " values", bars.unit.empty() ? "" : " in ",
-                           bars.unit, "; the table below has them.");
+                           bars.unit, ", also in the table below.");
     std::string text = svg_head(height, id, bars.title, note);
     text += str("<text class=\"title\" x=\"8\" y=\"20\">", escaped(bars.title),
                 bars.unit.empty() ? "" : ", ", escaped(bars.unit), "</text>\n");

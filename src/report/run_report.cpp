@@ -21,7 +21,7 @@ void make_report(const std::string& run, const std::string& scene_path) {
     if_possible(
         "photographs", [&] { scene = read_scene_of_run(options.scene, run); }, "report", &missing);
     write_report(run, scene, std::move(missing));
-    spdlog::info("{}/report.html: report", run);
+    spdlog::info("Report: {}/report.html", run);
 }
 
 std::string refresh_report(const std::string& written) {
@@ -38,7 +38,7 @@ std::string refresh_report(const std::string& written) {
         make_report(run);
         return run;
     } catch (const Error& error) {
-        spdlog::warn("{}; the report stays as it was (tvsgs-eval report --run {})", error.what(),
+        spdlog::warn("{}; the report was not updated; try tvsgs-eval report --run {}", error.what(),
                      run);
         return {};
     }

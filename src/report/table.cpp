@@ -111,7 +111,7 @@ public:
                                      {"R", "recall " + source, 1, 3},
                                      {"F1", "f1 " + source, 1, 3}}));
         for (const char* masked : {"", "_masked"})
-            text += table(*masked ? "Novel views, the object alone" : "Novel views", "",
+            text += table(*masked ? "Novel views, object only" : "Novel views", "",
                           per_scene({{"PSNR", str("psnr", masked), 1, 4},
                                      {"SSIM", str("ssim", masked), 1, 3},
                                      {"LPIPS", str("lpips", masked), -1, 3}}));
@@ -364,16 +364,14 @@ std::vector<PublishedFigure> parse_published(const JsonValue& file, const std::s
             figure.scenes.push_back(scene.text + entry["with"].text);
         if (figure.method.empty() || !file["sources"][figure.source] || figure.scenes.empty() ||
             figure.metric.empty() || !std::isfinite(figure.value))
-            throw Error(ExitCode::input,
-                        str(where, ": figure ", figures.size() + 1,
-                            ": expected method, a source of the list 'sources', a set of the list "
-                            "'sets' or scenes, metric and value"));
+            throw Error(ExitCode::input, str(where, ": figure ", figures.size() + 1,
+                                             ": expected method, source (of 'sources'), set (of "
+                                             "'sets') or scenes, metric and value"));
         figures.push_back(std::move(figure));
     }
     if (figures.empty())
-        throw Error(ExitCode::input, str(where,
-                                         ": holds no list 'figures'; see "
-                                         "docs/published_figures.json"));
+        throw Error(ExitCode::input,
+                    str(where, ": no list 'figures'; see docs/published_figures.json"));
     return figures;
 }
 
@@ -420,7 +418,7 @@ bool overlay_plot(const std::vector<TableRun>& runs,
         over_time |= seeds.front().seconds.size() > 1;
         plot.series.push_back(overlay(configuration, seeds));
         if (seeds.size() > 1)
-            plot.note = "Means over seeds; bands reach from the lowest to the highest.";
+            plot.note = "Means over seeds; bands show the lowest and the highest.";
     }
     const std::string name = file_name(str(scene, "_", quality.name, *quality.source ? "_" : "",
                                            quality.source, at.empty() ? "" : "_" + at));

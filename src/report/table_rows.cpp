@@ -187,10 +187,10 @@ std::vector<std::string> equal_seeds(const std::vector<TableRun>& runs) {
         if (of_seed.size() < 2) continue;
         std::string list;
         for (const std::string& folder : of_seed) list += (list.empty() ? "" : ", ") + folder;
-        sentences.push_back(str(list, ": all of seed ", short_number(std::get<2>(row), 15),
-                                " in the row '", std::get<0>(row), "' of ", std::get<1>(row),
-                                ", so that its spread is not one of seeds; expected runs of "
-                                "different seeds (tvsgs-train --seed N), or a LABEL for each"));
+        sentences.push_back(
+            str(list, ": all have seed ", short_number(std::get<2>(row), 15), ", in row '",
+                std::get<0>(row), "' of ", std::get<1>(row),
+                "; give runs of different seeds (tvsgs-train --seed N), or a LABEL for each"));
     }
     return sentences;
 }

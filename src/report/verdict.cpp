@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "pipeline/run/train_evaluation.h"
 #include "plan/plan.h"
 #include "report/figures.h"
@@ -108,9 +109,9 @@ private:
             const bool object =
                 masked && report_["config"]["loss"]["photometric"]["masks"].text == "object";
             const std::size_t views = report_["views"].items.size();
-            text = str(views > 0 ? counted(views, "view") : "Views", " that did not train: PSNR ",
+            text = str(views > 0 ? counted(views, "view") : "Views", " not used in training: PSNR ",
                        number(all), " dB");
-            if (masked) text += str(" (", number(masked), " dB inside of the masks)");
+            if (masked) text += str(" (on the object only: ", number(masked), " dB)");
             if (ssim) text += str(", SSIM ", number(ssim));
             text += str("; good from ", kGoodPsnr, " dB, fair from ", kFairPsnr, ". ");
             judge((object ? masked : all).number_or(0), kGoodPsnr, kFairPsnr);
@@ -126,8 +127,8 @@ private:
         }
         if (text.empty())
             text =
-                "How good it is was not measured: there are no test views (--eval, --split) and no "
-                "true surface (--gt). ";
+                "Quality was not measured: no test views (--eval, --split) and no true surface "
+                "(--gt). ";
         text.pop_back();
         v_.quality = text;
         if (level < 3)
@@ -138,28 +139,28 @@ private:
 
     void limits() {
         if (summary_["event"].text != "done" && summary_["iteration"])
-            limit(str("The training has not ended: its log ends after ",
+            limit(str("The training has not ended: its log stops after ",
                       number(summary_["iteration"], 6), " of ",
                       number(report_["config"]["iterations"], 6), " iterations."));
         far_test_views();
         if (const JsonValue& two = coverage_["two"]; two.number_or(1) < 1 - kMuchLone)
             limit(str(percent(1 - two.number),
-                      " of what the training views show is seen by one of them alone: no second "
+                      " of the surface in the training views is seen by a single view: no second "
                       "view checks its depth."));
         std::vector<std::string> alone;
         for (const JsonValue& view : coverage_["views"].items)
             if (view["shared"].number_or(0) < kFewShared) alone.push_back(view["name"].text);
         if (!alone.empty() && coverage_["views"].items.size() > 1)
             limit(str(alone.size() == 1 ? str("One training view shares less than ",
-                                              percent(kFewShared), " of what it shows")
+                                              percent(kFewShared), " of its surface")
                                         : str(alone.size(), " training views share less than ",
-                                              percent(kFewShared), " of what they show"),
+                                              percent(kFewShared), " of their surface"),
                       " with any other: ", list_of_names(alone), "."));
         const JsonValue& gap = coverage_["gap"];
         if (const double angle = gap["angle_deg"].number_or(0); angle > kWideGapDeg)
             limit(str("Neighbouring views are up to ", degrees(angle), " apart, ", gap["a"].text,
-                      " and ", gap["b"].text, "; what they match weakens beyond ",
-                      degrees(kWideGapDeg), "."));
+                      " and ", gap["b"].text, "; matching gets weak beyond ", degrees(kWideGapDeg),
+                      "."));
         by_plan();
         growth();
         overtrained();
@@ -191,10 +192,10 @@ private:
         std::vector<double> near_psnr, far_psnr;
         for (const FarView& view : far_views(&near_psnr)) far_psnr.push_back(view.psnr);
         if (far_psnr.empty()) return;
-        std::string text = str(far_psnr.size(), " of ", far_psnr.size() + near_psnr.size(),
-                               " test views stand more than ", degrees(kWideAngleDeg),
-                               " from every training view, as seen from what they show, and reach ",
-                               short_number(mean(far_psnr), 3), " dB");
+        std::string text =
+            str(far_psnr.size(), " of ", far_psnr.size() + near_psnr.size(),
+                " test views stand more than ", degrees(kWideAngleDeg),
+                " from every training view and reach ", short_number(mean(far_psnr), 3), " dB");
         if (!near_psnr.empty())
             text += str("; the nearer ones reach ", short_number(mean(near_psnr), 3), " dB");
         limit(text + ".");
@@ -207,12 +208,12 @@ private:
                               reason = d["reason"].text;
             const bool below = d["measured"].number_or(0) < d["threshold"].number_or(0);
             if (name == "densify" && choice == "on" && below)
-                limit(str("The initial cloud was thin, so splats had to grow (", reason, ")."));
+                limit(str("The start cloud was thin, so splats had to grow (", reason, ")."));
             if (name == "exposure" && choice != "off")
                 limit(str("The photographs differ in exposure, which was ", choice, " (", reason,
-                          "); lock it."));
+                          "); lock the exposure of the camera."));
             if (name == "multi-view" && choice == "off")
-                limit(str("Views were not compared with each other (", reason, ")."));
+                limit(str("Photographs were not compared with each other (", reason, ")."));
         }
     }
 
@@ -223,8 +224,7 @@ private:
         const bool grows = report_["config"]["densify"]["enabled"].number != 0;
         if (grows && most > first && now >= 0.98 * most)
             limit(str("Growth stopped at ", grouped(static_cast<std::size_t>(now)),
-                      " splats, the most that memory, --max-gaussians or "
-                      "densify.max_per_pixel allowed."));
+                      " splats, the limit by memory, --max-gaussians or densify.max_per_pixel."));
     }
 
     void overtrained() {
@@ -238,7 +238,8 @@ private:
                 best = psnr, at = e["iteration"].number_or(0);
         if (best > end + kClearlyWorse)
             limit(str("PSNR was ", short_number(best, 3), " dB after ", short_number(at, 6),
-                      " iterations and fell to ", short_number(end, 3), " dB: train for fewer."));
+                      " iterations and fell to ", short_number(end, 3),
+                      " dB: train for fewer iterations."));
     }
 
     void next() {
@@ -248,17 +249,17 @@ private:
             std::min_element(far.begin(), far.end(),
                              [](const FarView& a, const FarView& b) { return a.psnr < b.psnr; });
         if (worst != far.end())
-            v_.next.push_back(
-                str("From where the test view ", worst->name,
-                    " stands: ", short_number(worst->psnr, 3), " dB there, and the nearest ",
-                    "training view, ", worst->nearest, ", is ", degrees(worst->angle),
-                    " away. One photograph every 15\u00b0 to ", "30\u00b0 on the way joins them."));
+            v_.next.push_back(str("From where the test view ", worst->name, " stands: PSNR ",
+                                  short_number(worst->psnr, 3), " dB, and the nearest ",
+                                  "training view, ", worst->nearest, ", is ", degrees(worst->angle),
+                                  " away. Add one photograph every 15\u00b0 to ",
+                                  "30\u00b0 between them."));
         const JsonValue& gap = coverage_["gap"];
         const double angle = gap["angle_deg"].number_or(NAN), shared = gap["shared"].number_or(0);
         if (gap && shared < kFewShared)
             v_.next.push_back(str("Between ", gap["a"].text, " and ", gap["b"].text,
                                   ": they share ", percent(shared),
-                                  " of what they show, the weakest link between the views."));
+                                  " of their surface, the weakest link between the views."));
         else if (angle > kWideGapDeg)
             v_.next.push_back(str("Between ", gap["a"].text, " and ", gap["b"].text, ": ",
                                   degrees(angle),
@@ -269,14 +270,14 @@ private:
                 most = &view;
         if (most != nullptr && (*most)["lone"].number_or(0) >= kMuchLone) {
             const std::string side = (*most)["side"].text;
-            v_.next.push_back(str("What ", (*most)["name"].text, " alone has seen, ",
-                                  percent((*most)["lone"].number), " of it",
+            v_.next.push_back(str("The part that only ", (*most)["name"].text, " sees, ",
+                                  percent((*most)["lone"].number), " of its surface",
                                   side.empty() ? "" : str(", most in its ", side, " half"),
-                                  ": the same again from a step aside."));
+                                  ": photograph it again from a step aside."));
         }
         if (!v_.next.empty()) return;
         std::string text = str("No gap was found: ", percent(coverage_["two"].number_or(0)),
-                               " of what the training views show is seen by two of them");
+                               " of the surface in the training views is seen by two of them");
         if (std::isfinite(angle))
             text += str(", and neighbours are at most ", degrees(angle), " apart");
         v_.next.push_back(text + ".");

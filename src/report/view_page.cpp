@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/version.h"
 #include "io/images/image_file.h"
 #include "mesh/fuse/focus.h"
@@ -196,18 +197,17 @@ private:
         }
         has_photos_ = shown > 0;
         if (shown < there)
-            note(str("Photographs: ", shown, " of ", there, ", evenly chosen."));
+            note(str("Photographs: ", shown, " of ", there, ", evenly spaced."));
         else if (shown == 0)
-            note("There are no photographs in this page.");
+            note("This page has no photographs.");
         about_.set("cameras", std::move(list));
         about_.set("start", start());
         about_.set("scene", scene_json(cameras_, runs_));
         parts_ +=
             str("<h2 id=\"cameras\">Cameras</h2>\n<p><span class=\"legend\"></span>training views",
                 any_test ? ", <span class=\"legend test\"></span>test views" : "",
-                ", <span class=\"legend chosen\"></span>the one chosen. A button goes to its "
-                "camera and "
-                "lays the photograph over the view.</p>\n<ul class=\"cameras\">\n",
+                ", <span class=\"legend chosen\"></span>chosen camera. Click a photograph to stand "
+                "at its camera.</p>\n<ul class=\"cameras\">\n",
                 items, "</ul>\n");
     }
 
@@ -222,8 +222,8 @@ private:
             about.set("mesh", std::move(packed.about));
             data_ += hold("mesh", i, base64(packed.data));
             if (run.mesh.faces.size() < run.mesh_faces)
-                note(str(run.name, ": the mesh is simplified from ", grouped(run.mesh_faces),
-                         " to ", grouped(run.mesh.faces.size()), " triangles for this page."));
+                note(str(run.name, ": mesh simplified from ", grouped(run.mesh_faces), " to ",
+                         grouped(run.mesh.faces.size()), " triangles for this page."));
         }
         abouts_.push_back(std::move(about));
     }
@@ -238,11 +238,11 @@ private:
             note(str(run.name, ": the ", grouped(count), " largest of ",
                      grouped(static_cast<std::size_t>(packed.of)),
                      packed.shown.size() == options_.max_splats
-                         ? " splats, as asked for (--max-splats)."
-                         : " splats, to keep this page within its size."));
+                         ? " splats (--max-splats)."
+                         : " splats, to limit the page size (--megabytes)."));
         if (count > 0 && packed.shown.sh_degree < packed.of_degree)
-            note(str(run.name, ": harmonics of degree ", packed.shown.sh_degree, " instead of ",
-                     packed.of_degree, ", to keep this page within its size."));
+            note(str(run.name, ": SH degree ", packed.shown.sh_degree, " instead of ",
+                     packed.of_degree, ", to limit the page size (--megabytes)."));
         about.set("name", run.name);
         about.set("splats", count);
         about.set("discs", backbone->traits.flat ? 1.0 : 0.0);
@@ -286,10 +286,9 @@ private:
     }
 
     void add_table() {
-        parts_ += "<h2 id=\"about-page\">What is shown</h2>\n" +
-                  html_table("Runs in this page",
-                             {"run", "splats", "degree of harmonics", "drawn as", "mesh", "truth"},
-                             rows_);
+        parts_ += "<h2 id=\"about-page\">About this page</h2>\n" +
+                  html_table("Runs on this page",
+                             {"run", "splats", "SH degree", "drawn as", "mesh", "truth"}, rows_);
     }
 
     std::string toggles() const {
@@ -342,11 +341,10 @@ private:
              {"view", escaped(str("View in 3D of ", summary, "."))},
              {"panes", panes_ + overlays_},
              {"toggles", toggles()},
-             {"scale", full_ > 0
-                           ? str("<div id=\"scale\" hidden><p>Distance to the true surface, in "
-                                 "units of the scene. Grey: not measured.</p>\n",
-                                 error_scale(full_), "</div>\n")
-                           : ""},
+             {"scale", full_ > 0 ? str("<div id=\"scale\" hidden><p>Distance to the true surface, "
+                                       "in scene units. Grey: not measured.</p>\n",
+                                       error_scale(full_), "</div>\n")
+                                 : ""},
              {"parts", parts_},
              {"version", escaped(kVersion)},
              {"about", json_for_page(about_)},

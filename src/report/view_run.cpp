@@ -69,7 +69,7 @@ FileCamera file_camera(const JsonValue& json, const std::string& path) {
     };
     c.cx_px = middle("cx", c.width_px), c.cy_px = middle("cy", c.height_px);
     if (!(c.fx_px > 0) || !(c.fy_px > 0))
-        throw input_error(path, ": a camera's focal length is not above 0 px");
+        throw input_error(path, ": a camera has a focal length of 0 px or less");
     const auto& rows = json["rotation"].items;  // world_from_camera
     if (rows.size() != 3)
         throw input_error(path, ": a camera lacks its rotation; expected the file of tvsgs-train");
@@ -85,7 +85,7 @@ std::vector<FileCamera> file_cameras(const std::string& run) {
     std::vector<FileCamera> cameras;
     for (const JsonValue& entry : parse_json_value(read_bytes(path), path).items)
         cameras.push_back(file_camera(entry, path));
-    if (cameras.empty()) throw input_error(path, ": holds no camera; expected at least one");
+    if (cameras.empty()) throw input_error(path, ": no cameras; expected at least one");
     return cameras;
 }
 

@@ -248,7 +248,7 @@ TEST_F(AccessiblePages, TheCheckFindsWhatIsWrong) {
     spoil("outline:3px solid", "outline:0 solid");
     spoil("--c0:#0072b2", "--c0:#a0d2f2");
     spoil(".plot .again .line", ".plot .never .line");
-    spoil("Look at it from all sides", "");
+    spoil("Open the view in 3D", "");
     spoil("<h3>", "<h5>");
     spoil(" alt=\"", " title=\"");
     spoil("</footer>", "<img src=\"x.png\" alt=\"\"></footer>");

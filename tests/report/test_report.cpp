@@ -8,6 +8,7 @@
 #include <map>
 #include <sstream>
 
+#include "core/grouped.h"
 #include "io/files/json_value.h"
 #include "pipeline/run/train_evaluation.h"
 #include "report/figures.h"
@@ -47,7 +48,7 @@ TEST(EvaluationSchedules, SecondsAndIterations) {
     EXPECT_FALSE(seconds.due(3, 9.9));
     EXPECT_TRUE(seconds.due(4, 25)) << "10 and 20 in one";
     EXPECT_FALSE(seconds.due(5, 39.9));
-    EXPECT_TRUE(seconds.due(6, 40)) << "goes on by the last ratio";
+    EXPECT_TRUE(seconds.due(6, 40)) << "repeats the last ratio";
     EXPECT_TRUE(seconds.due(7, 80));
     EvaluationSchedule resumed(options, 12);
     EXPECT_FALSE(resumed.due(8, 13)) << "5 and 10 were before";
@@ -267,7 +268,7 @@ TEST_F(Report, OfRunsThatLackSomething) {
     std::ofstream(folder_ / "moved/log.jsonl") << log;
     fs::remove_all(folder_ / "moved/point_cloud");
     ASSERT_EQ(call("tvsgs-eval report --run moved --scene nowhere"), 0) << said();
-    EXPECT_NE(said().find("does without photographs"), std::string::npos) << said();
+    EXPECT_NE(said().find("missing from the report: photographs"), std::string::npos) << said();
     EXPECT_NE(contents(folder_ / "moved/report.html").find("has not finished"), std::string::npos);
     EXPECT_EQ(call("tvsgs-eval table --runs moved"), 3);
     EXPECT_EQ(call("tvsgs-eval table --runs nowhere"), 3);
@@ -290,8 +291,7 @@ TEST_F(Report, TablesOfTheSameRunTwice) {
     // A second run with the same seed shows no spread of seeds.
     fs::copy(folder_ / "run", folder_ / "again", fs::copy_options::recursive);
     ASSERT_EQ(call("tvsgs-eval table --out twice.md --runs on=run on=again"), 0) << said();
-    EXPECT_NE(said().find("run, again: all of seed 0 in the row 'on'"), std::string::npos)
-        << said();
+    EXPECT_NE(said().find("run, again: all have seed 0, in row 'on'"), std::string::npos) << said();
     // A run on other images is a separate row.
     std::string report = contents(folder_ / "again/report.json");
     const std::string key = "\"resolution\": -1,";
@@ -299,7 +299,7 @@ TEST_F(Report, TablesOfTheSameRunTwice) {
     report.replace(report.find(key), key.size(), "\"resolution\": 2,");
     std::ofstream(folder_ / "again/report.json") << report;
     ASSERT_EQ(call("tvsgs-eval table --out twice.md --runs on=run on=again"), 0) << said();
-    EXPECT_EQ(said().find("all of seed"), std::string::npos) << said();
+    EXPECT_EQ(said().find("all have seed"), std::string::npos) << said();
     const std::string table = contents(folder_ / "twice.md");
     EXPECT_NE(table.find("| on, scene.resolution=2 |"), std::string::npos) << table;
     EXPECT_NE(table.find("| on, scene.resolution=-1 |"), std::string::npos) << table;
@@ -312,12 +312,12 @@ TEST_F(Report, SaysWhatItLacks) {
         return contents(run / "report.html");
     };
     const auto lacks = [&](const std::string& page, const std::string& what) {
-        const std::size_t at = page.find("What this report lacks");
+        const std::size_t at = page.find("Missing from this report");
         EXPECT_NE(at, std::string::npos) << what;
         EXPECT_NE(page.find(what, at), std::string::npos) << what;
     };
     fs::copy(folder_ / "run", run, fs::copy_options::recursive);
-    EXPECT_EQ(report().find("What this report lacks"), std::string::npos);
+    EXPECT_EQ(report().find("Missing from this report"), std::string::npos);
     std::ofstream(run / "plan.json") << "{\"decisions\": [1, \"off\", {}, {\"choice\": \"off\"}]}";
     std::ofstream(run / "memory.json") << "[[]";
     std::string log = contents(run / "log.jsonl");
@@ -328,7 +328,7 @@ TEST_F(Report, SaysWhatItLacks) {
     lacks(page, "log.jsonl: line 1");
     lacks(page, "a camera");
     std::ofstream(run / "plan.json") << "[1, 2]";
-    lacks(report(), "plan.json: holds no decisions");
+    lacks(report(), "plan.json: no decisions");
     EXPECT_EQ(page.find("has not finished"), std::string::npos) << "the other lines count";
     for (const char* file : {"plan.json", "memory.json", "log.jsonl", "cameras.json"})
         fs::remove_all(run / file);
@@ -342,7 +342,7 @@ TEST_F(Report, RefusesWhatCannotBeEvaluated) {
     const std::string train = std::string("tvsgs-train --out refused ") + kFlags;
     EXPECT_EQ(call(train + "--eval-at 5,4"), 2);
     EXPECT_EQ(call(train + "--eval-at 5 --eval-every 10"), 2);
-    EXPECT_NE(said().find("expected one of them"), std::string::npos) << said();
+    EXPECT_NE(said().find("exclude each other"), std::string::npos) << said();
     EXPECT_EQ(call(train + "--crop scene/gt/info.json"), 2);
     EXPECT_NE(said().find("--gt"), std::string::npos) << said();
     EXPECT_EQ(call(train + "--gt nowhere.ply"), 3);

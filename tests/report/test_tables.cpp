@@ -150,7 +150,7 @@ TEST(Tables, EqualSeedsAreSaid) {
     runs[3].folder = "again";
     const std::vector<std::string> sentences = equal_seeds(runs);
     ASSERT_EQ(sentences.size(), 1u);
-    EXPECT_TRUE(sentences[0].starts_with("run_0, again: all of seed 0 in the row 'on' of a"))
+    EXPECT_TRUE(sentences[0].starts_with("run_0, again: all have seed 0, in row 'on' of a"))
         << sentences[0];
     runs[3].scene = "b";
     EXPECT_TRUE(equal_seeds(runs).empty());

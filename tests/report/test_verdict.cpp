@@ -105,8 +105,7 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
         EXPECT_NE(limits.find(part), std::string::npos) << part << " is not in\n" << limits;
     for (const char* part : {"From where the test view far stands: 10 dB", "b, is 80\u00b0 away",
                              "Between a and b: 45\u00b0",
-                             "What a alone has seen, 70 % of it, most in "
-                             "its left half"})
+                             "The part that only a sees, 70 % of its surface, most in its left half"})
         EXPECT_NE(next.find(part), std::string::npos) << part << " is not in\n" << next;
     EXPECT_EQ(found.left_out, "x (1 < 2).") << "growth was asked for";
     EXPECT_EQ(limits.find("exposure"), std::string::npos) << "it was not fitted";

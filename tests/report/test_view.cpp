@@ -115,17 +115,17 @@ TEST(ViewPage, KeepsToItsSizeAndSaysWhatGaveWay) {
     const ViewPage lower = page_of(1'000'000), fewer = page_of(500'000);
     EXPECT_LT(lower.html.size(), 1'000'000u);
     ASSERT_EQ(lower.notes.size(), 1u);
-    EXPECT_NE(lower.notes[0].find("harmonics of degree"), std::string::npos);
+    EXPECT_NE(lower.notes[0].find("SH degree"), std::string::npos);
     EXPECT_NE(lower.html.find(lower.notes[0]), std::string::npos);
     EXPECT_EQ(splats_in(lower.html, 0).size(), 20000);
     EXPECT_LT(fewer.html.size(), 500'000u);
     ASSERT_EQ(fewer.notes.size(), 2u);
     EXPECT_NE(fewer.notes[0].find("largest of 20,000"), std::string::npos) << fewer.notes[0];
-    EXPECT_NE(fewer.notes[0].find("within its size"), std::string::npos) << fewer.notes[0];
+    EXPECT_NE(fewer.notes[0].find("to limit the page size"), std::string::npos) << fewer.notes[0];
     EXPECT_EQ(splats_in(fewer.html, 0).sh_degree, 0);
     const ViewPage asked = page_of(40'000'000, 1000);
     ASSERT_EQ(asked.notes.size(), 1u);
-    EXPECT_NE(asked.notes[0].find("1,000 largest of 20,000 splats, as asked for"),
+    EXPECT_NE(asked.notes[0].find("1,000 largest of 20,000 splats (--max-splats)"),
               std::string::npos)
         << asked.notes[0];
 }
@@ -342,7 +342,7 @@ TEST_F(ViewInBrowser, WithoutWebGlThereArePicturesAndANotice) {
     const fs::path file = folder("refused") / "page.html";
     write_text_file(file, view_page(std::move(runs), two_cameras()).html);
     const std::string html = page_in_browser(file, "", "--disable-3d-apis");
-    EXPECT_NE(text_of(html, "status").find("There is no view in 3D here"), std::string::npos)
+    EXPECT_NE(text_of(html, "status").find("No view in 3D"), std::string::npos)
         << text_of(html, "status");
     EXPECT_NE(html.find("<img class=\"poster\" alt"), std::string::npos);
     EXPECT_NE(html.find("<canvas id=\"canvas\" hidden"), std::string::npos);

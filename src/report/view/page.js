@@ -35,11 +35,11 @@ async function follow(viewer) {
     try {
       const state = await (await fetch('api/state')).json();
       if (!state.live && last) {
-        note('The training has ended. Reload this page for its results.', true);
+        note('The training has ended. Reload this page to see the results.', true);
         return;
       }
       if (!state.live) {
-        note(state.finished ? '' : 'No training with --live here yet: this page waits for one.');
+        note(state.finished ? '' : 'No training with --live yet; this page waits for one.');
         pause = 5000;
       } else if (state.tag !== last) {
         const bytes = new Uint8Array(await (await fetch('api/splats')).arrayBuffer());
@@ -52,10 +52,10 @@ async function follow(viewer) {
       const count = n => Math.round(n).toLocaleString('en');
       if (state.live)
         note(
-            `In training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
+            `Training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
             `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
             (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
-    } catch (error) { note(`The server of this page does not answer (${error.message}).`, true); }
+    } catch (error) { note(`No answer from tvsgs-view (${error.message}); is it still running?`, true); }
     await new Promise(resolve => setTimeout(resolve, pause));
   }
 }
@@ -121,12 +121,12 @@ async function main() {
       result = await patiently(test(viewer));
     } else {
       viewer.begin();
-      say('Ready. Click into the view, or go there with Tab, to use keys and wheel.');
+      say('Drag to turn. Click first for keys and wheel. On touch: one finger turns, two move and zoom.');
       if (about.origin) follow(viewer);
       if (query.has('camera')) viewer.goTo((Number(query.get('camera')) || 1) - 1);
     }
   } catch (error) {
-    fail(`There is no view in 3D here: ${error.message}. The pictures below are in this page.`);
+    fail(`No view in 3D: ${error.message}. The pictures below work without it.`);
     if (query.has('test')) result = {failed: error.message};
   }
   if (!result) return;

@@ -194,7 +194,7 @@ class Viewer {
       this.state();
       const kind = camera.test ? 'a test view' : 'a training view';
       say(`Camera ${this.selected + 1} of ${n}: ${camera.name}, ${kind}` +
-          (camera.photo ? '.' : ', without its photograph in this page.'));
+          (camera.photo ? '.' : ', photograph not on this page.'));
       this.ask();
     });
     this.state();
@@ -247,7 +247,7 @@ class Viewer {
       far: () => go(zoomed(this.view, 1.15, about.scene)),
       reset: () => {
         this.leave();
-        this.flyTo(this.home, () => say('The first view.'));
+        this.flyTo(this.home, () => say('First view.'));
       },
       before: () => this.goTo(this.selected - 1),
       after: () => this.goTo(this.selected + 1),
@@ -300,7 +300,7 @@ class Viewer {
     }, {passive: false});
     canvas.addEventListener('webglcontextlost', event => {
       event.preventDefault();
-      fail('The graphics unit has been taken away from this page. Reload it to go on.');
+      fail('This page lost the graphics unit. Reload it to continue.');
     });
     this.listenToPointers();
   }
