@@ -12,6 +12,7 @@
 #include <exception>
 #include <map>
 #include <new>
+#include <regex>
 #include <set>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,7 @@
 #include "apps/common/help_pages.h"
 #include "core/device/buffer.h"
 #include "core/device/threads.h"
+#include "core/grouped.h"
 #include "core/nearest_name.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
@@ -36,7 +38,7 @@ struct AskedAndAnswered {};
 void flush_standard_output() {
     errno = 0;
     if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE)
-        throw Error(ExitCode::io, str("standard output: writing failed",
+        throw Error(ExitCode::io, str("cannot write to standard output",
                                       errno != 0 ? str(": ", std::strerror(errno)) : ""));
 }
 
@@ -62,15 +64,20 @@ std::vector<CLI::App*> subcommands_of(CLI::App& app) {
 /// Placeholder for the text value of an option, by its first long name.
 std::string type_of(const CLI::Option& option) {
     static const std::map<std::string, std::string> kTypes{
-        {"set", "KEY=VALUE"},   {"require", "KEY<=X"},     {"device", "DEVICE"},
-        {"views", "I,J,..."},   {"tau", "T,T,..."},        {"bbox", "X,Y,Z,X,Y,Z"},
-        {"split", "NAME"},      {"gpu-memory", "SIZE"},    {"host-memory", "SIZE"},
-        {"eval-at", "S,S,..."}, {"texture", "auto|none|N"}};
+        {"set", "KEY=VALUE"},       {"require", "KEY<=X"},
+        {"device", "DEVICE"},       {"views", "I,J,..."},
+        {"tau", "T,T,..."},         {"bbox", "X,Y,Z,X,Y,Z"},
+        {"split", "NAME"},          {"gpu-memory", "SIZE"},
+        {"host-memory", "SIZE"},    {"eval-at", "S,S,..."},
+        {"texture", "auto|none|N"}, {"tnt-tau", "T"},
+        {"max-distance", "X"},      {"scan", "N"}};
     static const std::set<std::string> kFiles{
-        "scene", "images",     "train-list",    "test-list",  "masks",   "priors", "init-ply",
-        "gt",    "visible-gt", "crop",          "config",     "out",     "resume", "model",
-        "pred",  "maps",       "lpips-weights", "scene-dir",  "traj",    "run",    "runs",
-        "dtu",   "matrix",     "data",          "out-report", "results", "clouds"};
+        "scene",      "images",  "train-list", "test-list", "masks",         "priors",
+        "init-ply",   "gt",      "visible-gt", "crop",      "config",        "out",
+        "resume",     "model",   "pred",       "maps",      "lpips-weights", "scene-dir",
+        "traj",       "run",     "runs",       "dtu",       "matrix",        "data",
+        "out-report", "results", "clouds",     "cameras",   "cull-masks",    "calibration",
+        "poses",      "blocks",  "published",  "align-file"};
     const std::string name = option.get_lnames().empty() ? "" : option.get_lnames().front();
     const auto found = kTypes.find(name);
     return found != kTypes.end() ? found->second : kFiles.contains(name) ? "PATH" : "TEXT";
@@ -79,11 +86,12 @@ std::string type_of(const CLI::Option& option) {
 /// Settings of all options: the last value wins, and help shows the default unless the description
 /// does.
 void settle_flags(CLI::App& app) {
-    app.set_help_flag("-h,--help", "print this page and stop");
-    app.set_help_all_flag("--help-all", "print every flag and stop");
+    use_help_format(app);
+    app.set_help_flag("-h,--help", "print this page");
+    app.set_help_all_flag("--help-all", "print all flags");
     app.add_option_function<int>(
            "--threads", [](int count) { set_thread_count(count); },
-           "CPU threads [OMP_NUM_THREADS, else all CPUs that the process may use]")
+           "CPU threads [OMP_NUM_THREADS, else all available CPUs]")
         ->check(CLI::Range(1, 4096));
     for (CLI::Option* option : app.get_options()) {
         if (option->get_multi_option_policy() == CLI::MultiOptionPolicy::Throw &&
@@ -121,6 +129,33 @@ std::string missing_places(const CLI::App& app) {
     return places.empty() ? "" : str("; expected ", app.get_name(), places);
 }
 
+/// "whole number" or "number": the type of the flag `name` of the subcommand in use.
+std::string number_of(CLI::App& app, const std::string& name) {
+    if (const auto chosen = app.get_subcommands(); !chosen.empty())
+        return number_of(*chosen.front(), name);
+    const CLI::Option* const option = app.get_option_no_throw(name);
+    return option && option->get_type_name().find("INT") != std::string::npos ? "a whole number"
+                                                                              : "a number";
+}
+
+/// The message of the library's error, reworded: flag, what was expected, what was found.
+std::string fault_of(CLI::App& app, const CLI::ParseError& error) {
+    const std::string text = error.what();
+    std::smatch m;
+    if (std::regex_match(text, m, std::regex("Could not convert: (\\S+) = (.*)")))
+        return str(m[1], ": expected ", number_of(app, m[1]), ", found '", m[2], "'");
+    if (std::regex_match(text, m, std::regex("(.*): Value (.*) not in range (.*)")))
+        return str(m[1], ": expected ", m[3], ", found ", m[2]);
+    if (std::regex_match(text, m, std::regex("(.*): (.*) not in \\{(.*)\\}")))
+        return str(m[1], ": expected one of ", m[3], ", found '", m[2], "'");
+    if (std::regex_match(text, m, std::regex("(\\S+) excludes (\\S+)")))
+        return str(m[1], " and ", m[2], " exclude each other; give one");
+    if (std::regex_match(text, m,
+                         std::regex("The following arguments? w[a-z]+ not expected: (.*)")))
+        return str("unexpected: ", m[1]);
+    return text;
+}
+
 /// Prints `text` and ends the command.
 [[noreturn]] void answer(const std::string& text) {
     std::fputs(text.c_str(), stdout);
@@ -146,13 +181,13 @@ CLI::Validator in_range(double low, double high) {
             const bool good =
                 CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
             return good ? std::string()
-                        : str("Value ", text, " not in range [", low, " - ", high, "]");
+                        : str("expected a number from ", low, " to ", high, ", found '", text, "'");
         },
         CLI::Range(low, high).get_description());
 }
 
 void parse_command_line(CLI::App& app, int argc, char* const* argv) {
-    app.set_version_flag("-V,--version", kBuildInfo, "print version, build and libraries and stop");
+    app.set_version_flag("-V,--version", kBuildInfo, "print version, build and libraries");
     settle_flags(app);
     if (argc > 1 && argv[argc - 1] == std::string_view(kManFlag)) answer(man_page(app));
     if (argc > 1 && argv[argc - 1] == std::string_view(kWordsFlag))
@@ -207,7 +242,8 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
         if (hint.empty() && app.get_subcommands().empty())
             for (const CLI::App* sub : subcommands_of(app))
                 hint += (hint.empty() ? ": " : ", ") + sub->get_name();
-        throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
+        throw Error(ExitCode::usage,
+                    str("command line: ", fault_of(app, error), hint, "; see --help"));
     }
 }
 
@@ -231,7 +267,7 @@ std::string for_shell(const std::string& word) {
 void say_next(std::initializer_list<std::string> words, const std::string& what) {
     std::string line;
     for (const std::string& word : words) line += (line.empty() ? "" : " ") + for_shell(word);
-    spdlog::info("next: {}   {}", line, what);
+    spdlog::info("Next, {}:\n    {}", what, line);
 }
 
 int run_command(const std::function<int()>& command) {
@@ -257,13 +293,14 @@ int run_command(const std::function<int()>& command) {
         return static_cast<int>(ExitCode::io);
     } catch (const std::bad_alloc&) {
         // std::bad_alloc does not give the size.
-        const Error explained = out_of_memory(
-            str("the host gave no more beside the ", memory_use(Cpu{}).current_bytes >> 20,
-                " MiB of buffers; ", free_bytes(Cpu{}) >> 20, " MiB are free on the machine"));
+        const Error explained =
+            out_of_memory(str("host memory: ", grouped(memory_use(Cpu{}).current_bytes >> 20),
+                              " MiB of buffers in use, ", grouped(free_bytes(Cpu{}) >> 20),
+                              " MiB free on this machine"));
         std::fprintf(stderr, "error: %s\n", explained.what());
         return static_cast<int>(ExitCode::memory);
     } catch (const std::exception& error) {
-        std::fprintf(stderr, "error: internal: %s\n", error.what());
+        std::fprintf(stderr, "error: internal: %s; please report it\n", error.what());
         return static_cast<int>(ExitCode::internal);
     }
 }

@@ -35,7 +35,8 @@ CLI::Option* add_output_flag(CLI::App& app,
 /// Quotes a word for a shell if necessary.
 std::string for_shell(const std::string& word);
 
-/// The last message of a command: the next command, quoted for a shell, and its purpose.
+/// The last message of a command: "Next, `what`:" and, alone on its line, the command to type,
+/// quoted for a shell.
 void say_next(std::initializer_list<std::string> words, const std::string& what);
 
 /// Runs a command; every exception ends as one message on standard error and the exit code of its

@@ -1,6 +1,7 @@
 #include "apps/common/help_pages.h"
 
 #include <algorithm>
+#include <cctype>
 #include <set>
 #include <vector>
 
@@ -84,12 +85,69 @@ std::string man_flags(const CLI::App& app) {
     return out;
 }
 
+std::string upper(std::string text) {
+    for (char& c : text) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    return text;
+}
+
+/// Limits of `INT:INT in [1 - 9]` or `TEXT:{a,b}` without the type before the colon.
+std::string short_type(const std::string& type) {
+    const std::size_t colon = type.find(':');
+    if (colon == type.npos) return type;
+    return type[colon + 1] == '>' ? type.substr(0, colon) + " " + type.substr(colon + 1)
+                                  : type.substr(colon + 1);
+}
+
+class HelpFormat : public CLI::Formatter {
+public:
+    std::string make_option_name(const CLI::Option* option, bool positional) const override {
+        if (positional)
+            return upper(option->get_name(true)) +
+                   (option->get_snames().empty() ? ""
+                                                 : str(", or -", option->get_snames().front(), " ",
+                                                       upper(option->get_name(true))));
+        std::string names = option->get_name(false, true);
+        for (std::size_t at; (at = names.find("{false}")) != names.npos;) names.erase(at, 7);
+        return names;
+    }
+    std::string make_option_opts(const CLI::Option* option) const override {
+        if (option->get_positional() || !takes_value(*option)) return "";
+        const std::string value = option->get_default_str();
+        return str(" ", short_type(option->get_type_name()), value.empty() ? "" : "=" + value,
+                   option->get_expected_max() > 1 ? " ..." : "",
+                   option->get_required() ? " (required)" : "");
+    }
+    std::string make_option_usage(const CLI::Option* option) const override {
+        const std::string name =
+            upper(option->get_name(true)) + (option->get_expected_max() > 1 ? "..." : "");
+        return option->get_required() ? name : "[" + name + "]";
+    }
+    std::string make_option_desc(const CLI::Option* option) const override {
+        std::string text = option->get_description();
+        for (const CLI::Option* other : option->get_excludes())
+            text += (other == *option->get_excludes().begin() ? "; not with " : ", ") +
+                    other->get_name();
+        return text;
+    }
+};
+
+/// Help of a subcommand names its command first.
+std::string page_of(const CLI::App& app) {
+    return app.help(app.get_parent() ? app.get_parent()->get_name() : "");
+}
+
 }  // namespace
+
+void use_help_format(CLI::App& app) {
+    auto format = std::make_shared<HelpFormat>();
+    format->column_width(app.get_formatter()->get_column_width());
+    app.formatter(format);
+}
 
 std::string help_page(CLI::App& app) {
     if (const auto chosen = app.get_subcommands(); !chosen.empty())
         return help_page(*chosen.back());
-    if (flags_of(app).size() <= kLongPage) return app.help();
+    if (flags_of(app).size() <= kLongPage) return page_of(app);
     std::vector<std::pair<CLI::Option*, std::string>> hidden;
     for (CLI::Option* option : app.get_options()) {
         const auto& names = option->get_lnames();
@@ -100,14 +158,13 @@ std::string help_page(CLI::App& app) {
         hidden.emplace_back(option, option->get_group());
         option->group("");
     }
-    const std::string page = app.help();
+    const std::string page = page_of(app);
     for (const auto& [option, group] : hidden) option->group(group);
     return str(page, hidden.size(), " more flags: --help-all\n");
 }
 
 std::string man_page(const CLI::App& app) {
-    std::string title = app.get_name();
-    for (char& c : title) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    const std::string title = upper(app.get_name());
     const auto subcommands = subcommands_of(app);
     std::string out = str(".TH ", roff(title), " 1 \"\" \"", kVersion, "\" \"User Commands\"\n");
     out += ".ad l\n";  // a line of choices has no spaces to stretch

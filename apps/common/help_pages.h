@@ -6,6 +6,9 @@
 
 namespace tvsgs {
 
+/// Sets how the help of `app` shows names, types and limits; call it before help_page().
+void use_help_format(CLI::App& app);
+
 /// Help with the common flags if there are many (--help-all shows the others), else with all.
 std::string help_page(CLI::App& app);
 

@@ -38,23 +38,25 @@ public:
     /// Flags for the photographs of the scene and their selection.
     void add_scene(const char* group = "Scene") {
         add("-s,--scene,--source-path,--data", "scene.path",
-            "folder of the scene: photographs with their cameras", group);
-        add("--format", "scene.format",
-            "auto, colmap, blender, nerfstudio, idr or mvsnet: layout of the folder [auto]", group);
-        add("--images", "scene.images", "folder of the photographs inside the scene [images]",
+            "folder of the scene: photographs and their cameras", group);
+        add("--format", "scene.format", "layout of the folder; auto: the first that fits [auto]",
+            group);
+        add("--images", "scene.images", "folder of the photographs, inside the scene [images]",
             group);
         add("-r,--resolution", "scene.resolution",
-            "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width", group);
-        add("--split", "scene.split", "list of splits.json to use; its list 'test' is left out",
+            "1, 2, 4, 8: divide the size by it; -1: at most 1600 px wide; other: width in pixels",
             group);
-        add("--train-list", "scene.train_list", "file with one image to use per line", group);
-        add("--test-list", "scene.test_list", "file with one image to leave out per line", group);
-        add("--views", "scene.views", "views by index into the sorted images: 23,24,33", group);
-        add("-n,--num-views", "scene.num_views", "that many views, evenly chosen", group);
-        add_switch("--eval", "scene.eval", "every 8th view is left out, as a test view", group);
-        add("--test-every", "scene.test_every", "with --eval: distance of the test views [8]",
+        add("--split", "scene.split",
+            "list of splits.json to train on; its list 'test' gives the test views", group);
+        add("--train-list", "scene.train_list", "file of training images, one per line", group);
+        add("--test-list", "scene.test_list", "file of test images, one per line", group);
+        add("--views", "scene.views",
+            "training views by index into the sorted images, such as 23,24,33", group);
+        add("-n,--num-views", "scene.num_views", "use N evenly spaced photographs; 0: all", group);
+        add_switch("--eval", "scene.eval", "make every 8th view a test view (--test-every)", group);
+        add("--test-every", "scene.test_every", "with --eval: every Nth view is a test view [8]",
             group);
-        add("--masks", "scene.masks", "folder of the masks [mask/ or masks/, or the alpha channel]",
+        add("--masks", "scene.masks", "folder of the masks [mask/, masks/ or the alpha channel]",
             group);
     }
 
