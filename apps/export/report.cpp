@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/version.h"
 #include "io/files/json_value.h"
@@ -41,41 +42,42 @@ double typical_size(const Gaussians<Cpu>& g) {
 
 void say_left_out(const SelectionReport& report, int of, std::size_t views) {
     const auto say_one = [&](std::int64_t count, const std::string& why) {
-        if (count > 0) spdlog::info("{} of {} splats left out: {}", count, of, why);
+        if (count > 0)
+            spdlog::info("Removed {} of {} splats: {}", grouped(count), grouped(of), why);
     };
-    say_one(report.outside, "outside of --bbox");
-    say_one(report.invisible, "opacity below 1/510, which is 0 in 8 bits");
-    say_one(report.unseen, fmt::format("seen by none of {} views", views));
-    say_one(report.beyond_most, views > 0 ? "beyond --max-splats, of the least light"
-                                          : "beyond --max-splats, the smallest");
+    say_one(report.outside, "outside --bbox");
+    say_one(report.invisible, "opacity below 1/510, which 8 bits store as 0");
+    say_one(report.unseen, fmt::format("invisible in all {} views", views));
+    say_one(report.beyond_most, views > 0 ? "more than --max-splats, the least visible ones"
+                                          : "more than --max-splats, the smallest ones");
 }
 
 void say(const ExportReport& r) {
-    spdlog::info("{}: {} splats of degree {}, {} bytes ({:.1f} each); {}", r.path, r.splats,
-                 r.sh_degree, r.bytes, static_cast<double>(r.bytes) / r.splats, axes(r.frame));
+    spdlog::info("Wrote {}: {} splats, SH degree {}, {} bytes ({:.1f} each); axes: {}", r.path,
+                 grouped(r.splats), r.sh_degree, grouped(r.bytes),
+                 static_cast<double>(r.bytes) / r.splats, axes(r.frame));
     if (!r.errors) return;
     const SplatErrors& e = *r.errors;
     spdlog::info(
-        "largest errors: position {:.3g}, size {:.2g} %, rotation {:.2g} degrees, opacity "
-        "{:.2g}, coefficients of colour {:.2g}, of degree 1 {:.2g}, above {:.2g}",
+        "Largest rounding errors: position {:.3g}, size {:.2g} %, rotation {:.2g} degrees, opacity "
+        "{:.2g}, SH coefficients {:.2g} (degree 0), {:.2g} (1), {:.2g} (2 and 3)",
         e.mean, 100 * (std::exp(e.log_scale) - 1), e.degrees, e.opacity, e.color, e.sh_1,
         e.sh_rest);
     if (e.median_mean > 0.1 * r.typical_size)
         spdlog::warn(
-            "{}: positions are off by {:.3g}, where splats are {:.3g} wide: those far away take "
-            "the digits; leave them out with --bbox, or name a .ply or .glb",
+            "{}: position error {:.3g}, splats are {:.3g} wide: far splats use up the digits; "
+            "remove them with --bbox, or write a .ply or .glb",
             r.path, e.median_mean, r.typical_size);
     if (r.views == 0) return;
     if (r.of_input != r.scores.before)
         spdlog::info(
-            "PSNR of {} {} views: {} with all splats, {} with those of the file before "
-            "rounding, {} after; renders before and after: {}",
+            "PSNR of {} {} views: {} with all splats, {} with the kept ones, {} after rounding; "
+            "renders before and after rounding: {}",
             r.views, r.view_kind, decibels(r.of_input), decibels(r.scores.before),
             decibels(r.scores.after), decibels(r.scores.between));
     else
         spdlog::info(
-            "PSNR of {} {} views: {} before rounding, {} after; renders before and after: "
-            "{}",
+            "PSNR of {} {} views: {} before rounding, {} after; renders before and after: {}",
             r.views, r.view_kind, decibels(r.scores.before), decibels(r.scores.after),
             decibels(r.scores.between));
 }

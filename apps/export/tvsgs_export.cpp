@@ -5,6 +5,7 @@
 #include "apps/common/key_flags.h"
 #include "apps/export/report.h"
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
 #include "mesh/draw/upright.h"
@@ -54,8 +55,9 @@ void check_report(const Arguments& a) {
     for (const std::string& taken : {a.output, origin_file(a.output), input, origin_file(input)}) {
         std::error_code failure;
         if (place(a.report) == place(taken) || fs::equivalent(a.report, taken, failure))
-            throw Error(ExitCode::usage, str("--out-report ", a.report, ": is the name of ", taken,
-                                             ", which belongs to the splats; name another"));
+            throw Error(ExitCode::usage,
+                        str("--out-report ", a.report, ": the splats use this file, ", taken,
+                            "; choose another name"));
     }
 }
 
@@ -68,34 +70,33 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     CLI::App app{"Writes splats in the formats that viewers take.", "tvsgs-export"};
     app.get_formatter()->column_width(46);
     KeyFlags flags(app, table);
-    app.add_option("input", a.input, "run folder, or splats as .ply, .spz, .sog or .glb")
-        ->required();
-    app.add_option("output", a.output, "file to write, .ply, .spz, .sog or .glb")->required();
+    app.add_option("input", a.input, "run folder or splats (.ply, .spz, .sog, .glb)")->required();
+    app.add_option("output", a.output, "file to write (.ply, .spz, .sog, .glb)")->required();
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    app.add_option("-c,--config", configs, "JSON file over the run's configuration; later ones win")
+    app.add_option("-c,--config", configs,
+                   "JSON file that changes keys of the run; later files win")
         ->expected(1)
         ->take_all();
-    app.add_option("--set", settings, "KEY=VALUE, such as backbone=surfel")
+    app.add_option("--set", settings, "key of the configuration, such as backbone=surfel")
         ->expected(1)
         ->take_all();
     CLI::Option* quiet = app.add_flag("--quiet", a.quiet, "warnings and errors only");
     app.add_flag("--verbose", a.verbose, "more detail")->excludes(quiet);
 
     const char* group = "Which splats";
-    app.add_option(
-           "--bbox", a.box,
-           "x0,y0,z0,x1,y1,z1 in the scene's axes (rdf), whatever those of the files: splats "
-           "with their centre outside stay out")
+    app.add_option("--bbox", a.box,
+                   "keep only splats whose centre is inside this box, x0,y0,z0,x1,y1,z1 in the "
+                   "axes of the scene (rdf) [all]")
         ->group(group);
     app.add_option("--max-splats", a.max_splats,
-                   "keep so many: those that give the views of a run the most light, else the "
-                   "largest by opacity and size [0: all]")
+                   "keep the N splats that contribute most to the views of the run, or the largest "
+                   "ones without a run [0: all]")
         ->check(CLI::Range(std::int64_t{0}, std::int64_t{2000000000}))
         ->group(group);
-    app.add_flag("--prune-unseen", a.prune_unseen,
-                 "leave out what adds nothing to any view of the run")
+    app.add_flag("--prune-unseen", a.prune_unseen, "remove splats that no view of the run shows")
         ->group(group);
-    app.add_option("--sh-degree", a.sh_degree, "0 to 3: at most; 0 has no shine [3]")
+    app.add_option("--sh-degree", a.sh_degree,
+                   "highest degree of the SH coefficients, 0 to 3; 0: no view-dependent colour [3]")
         ->check(CLI::Range(0, 3))
         ->group(group);
 
@@ -106,27 +107,29 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                    "(left, up, forward) [ply, sog: rdf; spz: rub; glb: luf]")
         ->check(frames)
         ->group(group);
-    app.add_option("--input-frame", a.input_frame, "axes of an input file [as above]")
+    app.add_option("--input-frame", a.input_frame, "axes of the input file [as above]")
         ->check(frames)
         ->group(group);
-    app.add_flag("--keep-axes", a.keep_axes,
-                 "GLB: only the turn of the frame [turned so that a run's scene stands upright]")
+    app.add_flag(
+           "--keep-axes", a.keep_axes,
+           "GLB: keep the orientation of the scene [turned upright by the cameras of the run]")
         ->group(group);
     app.add_option("--spz-version", a.spz_version,
-                   "2 for old readers, 4 for new ones, PlayCanvas among them [3]")
+                   "version of SPZ: 2 for old readers, 4 for new ones such as PlayCanvas [3]")
         ->check(CLI::IsMember({2, 3, 4}))
         ->group(group);
     app.add_option("--spz-sh-bits", a.sh_bits,
-                   "1 to 8 each: of harmonics of degree 1, and above [8,8]; 5,4 is what other "
-                   "writers take: smaller, with a loss that can be seen")
+                   "SPZ: bits of SH coefficients of degree 1 and above, 1 to 8 each; 5,4 as other "
+                   "writers: smaller, with visible loss [8,8]")
         ->group(group);
     app.add_option("--sh-palette", a.palette,
-                   "SOG: at most so many kinds of harmonics, up to 65536 [by the splats]")
+                   "SOG: most entries of the SH palette, up to 65536 [by the number of splats]")
         ->check(CLI::Range(1, 65536))
         ->group(group);
 
     group = "Check";
-    app.add_flag("--no-check", a.no_check, "do not read the file again and compare")->group(group);
+    app.add_flag("--no-check", a.no_check, "do not read the file back and compare it")
+        ->group(group);
     app.add_flag("--json", a.json, "print the result as JSON")->group(group);
     add_output_flag(app, "--out-report", a.report, "file for the same JSON")->group(group);
     flags.add_scene("Scene (default: that of the run)");
@@ -136,11 +139,11 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     std::error_code failure;
     if (!fs::exists(a.input, failure))
         throw Error(ExitCode::input,
-                    str(a.input, ": does not exist; expected a run folder or a file of splats"));
+                    str(a.input, ": not found; expected a run folder or a file of splats"));
     if (is_run(a.input) && !a.input_frame.empty())
-        throw Error(ExitCode::usage, str("--input-frame ", a.input_frame, ": ", a.input,
-                                         " is a run folder, whose axes are known; it is for a file "
-                                         "of splats"));
+        throw Error(ExitCode::usage,
+                    str("--input-frame ", a.input_frame, ": ", a.input,
+                        " is a run folder, whose axes are known; remove the flag"));
     if (is_run(a.input)) table.read_file(run_config_path(a.input));
     for (const std::string& file : configs) table.read_file(file);
     table.read_environment();
@@ -149,18 +152,18 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
     if (fs::equivalent(find_splats(a.input), a.output, failure))
-        throw Error(ExitCode::usage, str(a.output, ": is the file of the splats; name another"));
-    require_output(a.output, {".ply", ".spz", ".sog", ".glb"},
-                   "the name says which format the splats get", options.scene);
+        throw Error(ExitCode::usage,
+                    str(a.output, ": this is the input file; choose another name"));
+    require_output(a.output, {".ply", ".spz", ".sog", ".glb"}, options.scene);
     if (fs::is_directory(a.output, failure) || !splat_format(a.output))
-        throw Error(ExitCode::usage, str(a.output, ": expected the name of a file"));
+        throw Error(ExitCode::usage, str(a.output, ": is a folder; expected a file name"));
     for (const auto& [flag, format, ending] :
          {std::tuple("--spz-version", SplatFormat::spz, ".spz"),
           {"--spz-sh-bits", SplatFormat::spz, ".spz"},
           {"--sh-palette", SplatFormat::sog, ".sog"}})
         if (app.count(flag) > 0 && a.format() != format)
-            throw Error(ExitCode::usage, str(flag, ": belongs to ", ending, ", and ", a.output,
-                                             " is another format; leave it out"));
+            throw Error(ExitCode::usage,
+                        str(flag, ": only for ", ending, ", not for ", a.output, "; remove it"));
     check_report(a);
     return a;
 }
@@ -172,8 +175,8 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
     const std::vector<double> bits = parse_numbers("--spz-sh-bits", a.sh_bits);
     const auto good = [](double b) { return b >= 1 && b <= 8 && b == std::floor(b); };
     if (bits.size() != 2 || !good(bits[0]) || !good(bits[1]))
-        throw Error(ExitCode::usage,
-                    str("--spz-sh-bits ", a.sh_bits, ": expected two numbers from 1 to 8, as 5,4"));
+        throw Error(ExitCode::usage, str("--spz-sh-bits ", a.sh_bits,
+                                         ": expected two numbers from 1 to 8, such as 5,4"));
     out.spz_sh_bits_1 = static_cast<int>(bits[0]), out.spz_sh_bits_rest = static_cast<int>(bits[1]);
     out.antialiased =
         make_backbone<Cpu>(options.train.backbone, options.train.render)->traits.fades_thin_splats;
@@ -198,7 +201,7 @@ Input read_input(const Arguments& a, const RunOptions& options, const Scene* sce
     }
     in.splats = read_splat_file(in.path, frame);
     if (in.splats.size() == 0)
-        throw input_error(in.path, ": holds no usable splat; expected at least one");
+        throw input_error(in.path, ": no usable splats; expected at least one");
     if (splat_format(in.path) != SplatFormat::ply) {
         in.origin = read_splat_origin(in.path);
         if (scene) {
@@ -228,11 +231,11 @@ int command(int argc, char** argv) {
     const DeviceChoice device = choose_device(a.device);
     std::optional<Scene> scene;
     if (!options.scene.path.empty() && a.needs_views())
-        scene = with_context("reading its views (--no-check and --keep-axes do without)",
+        scene = with_context("reading its views (not needed with --no-check and --keep-axes)",
                              [&] { return read_scene_of_run(options.scene, a.input); });
     if (a.prune_unseen && !scene)
         throw Error(ExitCode::usage,
-                    str("--prune-unseen: ", a.input, " is no run folder; give --scene DIR"));
+                    str("--prune-unseen: ", a.input, " is not a run folder; give --scene DIR"));
     Input in = read_input(a, options, scene ? &*scene : nullptr);
     if (scene && !a.no_check) read_sky(options.train.loss.photometric, a.input);
     how.origin = in.origin;
@@ -268,7 +271,8 @@ int command(int argc, char** argv) {
     report.left_out = select_splats(selection, light, kept);
     report.splats = kept.size(), report.sh_degree = kept.sh_degree;
     if (report.splats == 0)
-        throw input_error(in.path, ": none of its ", in.splats.size(), " splats is left to write");
+        throw input_error(in.path, ": none of its ", grouped(in.splats.size()),
+                          " splats is left; loosen --bbox or --prune-unseen");
     say_left_out(report.left_out, in.splats.size(), cameras.size());
 
     // 3. Write the file, and check it.
@@ -297,11 +301,11 @@ int command(int argc, char** argv) {
     say(report);
     const std::string json = report_json(report);
     if (a.json) std::fputs(json.c_str(), stdout);
-    if (!a.report.empty()) write_text_file(a.report, json), spdlog::info("{}: report", a.report);
+    if (!a.report.empty()) write_text_file(a.report, json), spdlog::info("Report: {}", a.report);
     if (std::filesystem::is_directory(a.input))
-        say_next({"tvsgs-view", a.input}, "shows the run in a browser");
+        say_next({"tvsgs-view", a.input}, "look at the run in a browser");
     else if (!a.output.ends_with(".ply"))
-        say_next({"tvsgs-export", a.output, "splats.ply"}, "gives them back as a PLY");
+        say_next({"tvsgs-export", a.output, "splats.ply"}, "turn it back into a PLY");
     return 0;
 }
 

@@ -6,6 +6,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "io/config/config.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
@@ -14,6 +15,7 @@
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
 #include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
 #include "pipeline/scene/mask_use.h"
 #include "pipeline/scene/stereo_cloud.h"
 #include "render/depth/map_images.h"
@@ -31,38 +33,45 @@ struct Arguments {
 
 Arguments parse(int argc, char** argv, OptionTable& table, StereoOptions& stereo) {
     Arguments arguments;
-    CLI::App app{"Makes a dense cloud of calibrated photographs by multi-view stereo.",
+    CLI::App app{"Makes a dense point cloud from calibrated photographs by multi-view stereo.",
                  "tvsgs-init"};
     app.get_formatter()->column_width(46);
     std::vector<std::string> settings;
     KeyFlags flags(app, table);
     flags.add_scene();
     const char* group = "Stereo";
-    flags.add_switch("--use-masks", "stereo.use_masks", "no points outside the masks", group);
-    app.add_option("--seed", stereo.seed, "of all random numbers")->group(group);
+    flags.add_switch("--use-masks", "stereo.use_masks", "make points inside the masks only", group);
+    app.add_option("--seed", stereo.seed, "seed of all random numbers")->group(group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
-    app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")
+    app.add_option("--set", settings, "any key of --list-keys")
         ->group(group)
         ->expected(1)
         ->take_all();
     app.add_flag("--list-keys", arguments.list_keys,
-                 "print every key with its range, default and meaning")
+                 "print all keys with range, default and meaning")
         ->group(group);
     group = "Output";
     app.add_option("-o,--out,--output", arguments.out, "cloud to write (PLY)")->group(group);
     app.add_option("--maps", arguments.maps,
-                   "folder for depth, normal and confidence maps, with priors.json")
+                   "folder for depth, normal and confidence maps and their priors.json")
         ->group(group);
-    app.add_flag("!--no-pictures", arguments.pictures, "no PNG pictures beside the maps")
+    app.add_flag("!--no-pictures", arguments.pictures, "do not write PNG pictures of the maps")
         ->group(group);
-    app.add_option("--max-points", arguments.max_points, "thinned to at most that many [1500000]")
+    app.add_option("--max-points", arguments.max_points,
+                   "most points of the cloud, which is thinned to it [1500000]")
         ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}))
         ->group(group);
     app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
     app.add_flag("--verbose", arguments.verbose, "more detail")->group(group);
     parse_command_line(app, argc, argv);
 
-    table.read_environment();
+    init_log(arguments.quiet     ? Verbosity::quiet
+             : arguments.verbose ? Verbosity::verbose
+                                 : Verbosity::normal);
+    RunOptions of_other_commands;
+    OptionTable known;
+    of_other_commands.add_to(known);
+    table.read_environment(&known);
     flags.set_keys(table);
     table.set_all(settings);
     return arguments;
@@ -93,7 +102,7 @@ void remove_other_maps(const std::string& folder, const std::set<std::string>& w
                 others.push_back(it->path());
     for (const fs::path& file : others) fs::remove(file, code);
     if (!others.empty())
-        spdlog::info("{}: {} maps of an earlier call were removed", folder, others.size());
+        spdlog::info("{}: removed {} maps of an earlier call", folder, others.size());
 }
 
 void write_maps(const std::string& folder,
@@ -132,23 +141,17 @@ int command(int argc, char** argv) {
         std::fputs(table.help().c_str(), stdout);
         return 0;
     }
-    init_log(arguments.quiet     ? Verbosity::quiet
-             : arguments.verbose ? Verbosity::verbose
-                                 : Verbosity::normal);
     if (scene_options.path.empty())
-        throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
+        throw Error(ExitCode::usage, "no scene given; give --scene DIR");
     if (!arguments.pictures && arguments.maps.empty())
-        throw Error(ExitCode::usage,
-                    "--no-pictures: belongs to --maps DIR, which is missing; leave it out");
+        throw Error(ExitCode::usage, "--no-pictures: needs --maps DIR");
     if (arguments.out.empty() && arguments.maps.empty())
-        throw Error(ExitCode::usage,
-                    "nothing to write; expected --out CLOUD.ply, --maps DIR or both; see --help");
+        throw Error(ExitCode::usage, "nothing to write; give --out CLOUD.ply, --maps DIR or both");
     std::error_code failure;
     if (fs::is_directory(arguments.out, failure))
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is a folder; expected a file name"));
-    if (!arguments.out.empty())
-        require_output(arguments.out, {".ply"}, "a cloud is written as PLY", scene_options);
+    if (!arguments.out.empty()) require_output(arguments.out, {".ply"}, scene_options);
     if (!arguments.maps.empty())
         list_results(arguments.maps, {"depth", "confidence", "normal", "pictures", "priors.json"});
     const DeviceChoice device = choose_device(arguments.device);
@@ -159,9 +162,9 @@ int command(int argc, char** argv) {
         require_masks("stereo.use_masks is true", "leave out --use-masks",
                       look_at_masks(scene.train, {}));
     const Camera& camera = scene.train.front().camera;
-    spdlog::info("{}: {} views of {}x{}, {} sparse points, on {}", scene_options.path,
+    spdlog::info("{}: {} photographs, {}x{}; {} sparse points; {}", scene_options.path,
                  scene.train.size(), camera.width_px, camera.height_px,
-                 scene.points.positions.size(), device.description);
+                 grouped(scene.points.positions.size()), device.description);
     const StereoResult result =
         stereo_cloud(device, scene.train, scene.points.positions, stereo_options,
                      static_cast<std::size_t>(arguments.max_points));
@@ -170,13 +173,13 @@ int command(int argc, char** argv) {
     if (!arguments.out.empty()) write_cloud_ply(arguments.out, result.cloud, scene.origin);
     for (const std::string& path : {arguments.out, arguments.maps})
         if (!path.empty())
-            spdlog::info("{}: {}", path, path == arguments.out ? "cloud" : "depth and normal maps");
+            spdlog::info("{}: {}", path == arguments.out ? "Cloud" : "Depth and normal maps", path);
     if (!arguments.out.empty())
         say_next({"tvsgs-train", "--scene", scene_options.path, "--init-ply", arguments.out},
-                 "trains from it");
+                 "train from it");
     else
         say_next({"tvsgs-train", "--scene", scene_options.path, "--priors", arguments.maps},
-                 "trains with them, where a loss asks for them");
+                 "train with the maps, if a loss uses them");
     return 0;
 }
 

@@ -212,10 +212,10 @@ void check_priors(const SynthPriors& priors) {
                       priors.format == "omnidata" || priors.format == "json";
     if (priors.quantity != "depth" && !open)
         throw Error(ExitCode::usage, str("--prior-quantity ", priors.quantity,
-                                         ": expected --priors npy, vggt, omnidata or json; other "
-                                         "formats have a quantity of their own"));
+                                         ": needs --priors npy, vggt, omnidata or json; other "
+                                         "formats have a fixed quantity"));
     if (!priors.declare.empty() && priors.format != "json")
-        throw Error(ExitCode::usage, "--prior-declare: expected --priors json, which declares");
+        throw Error(ExitCode::usage, "--prior-declare: needs --priors json");
 }
 
 void write_priors(const std::string& out,

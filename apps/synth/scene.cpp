@@ -9,6 +9,7 @@
 #include "apps/synth/photo.h"
 #include "apps/synth/priors.h"
 #include "apps/synth/wide.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/progress.h"
 #include "core/scene/scene.h"
@@ -350,8 +351,9 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     write_text_file(out + "/gt/info.json",
                     info_json(options, seen.positions.size(), seen_3.positions.size()));
     write_text_file(out + "/README.md", readme(options));
-    spdlog::info("{}: {} views of {}x{}, {} initial points, {} faces", options.out, options.views,
-                 options.width, options.height, points.size(), mesh.faces.size());
+    spdlog::info("{}: {} photographs, {}x{}; {} start points; true surface of {} faces",
+                 options.out, options.views, options.width, options.height, grouped(points.size()),
+                 grouped(mesh.faces.size()));
 }
 
 }  // namespace tvsgs::synth

@@ -27,9 +27,9 @@ const CommandEntry& entry_of(const std::string& name) {
         names.push_back(short_name(entry));
     }
     const std::string near = nearest_name(name, names);
-    throw Error(ExitCode::usage, str("tvsgs ", name, ": there is no such command",
+    throw Error(ExitCode::usage, str("tvsgs ", name, ": unknown command",
                                      near.empty() ? "" : str("; did you mean ", near, "?"),
-                                     "; `tvsgs help` lists them"));
+                                     "; `tvsgs help` lists all"));
 }
 
 /// Replaces this process by a command with the arguments `words`.
@@ -40,16 +40,16 @@ const CommandEntry& entry_of(const std::string& name) {
     arguments.push_back(nullptr);
     execv(program.c_str(), arguments.data());
     if (errno == ENOENT)
-        throw Error(ExitCode::usage, str(program.string(), ": is not installed; it is part of the ",
+        throw Error(ExitCode::usage, str(program.string(), ": not installed; install the ",
                                          "package ", entry.package));
-    throw Error(ExitCode::io, str(program.string(), ": cannot be run: ", std::strerror(errno)));
+    throw Error(ExitCode::io, str(program.string(), ": cannot run it: ", std::strerror(errno)));
 }
 
 int command(int argc, char** argv) {
     CLI::App app{"Photographs in, Gaussian splats and accurate surfaces out.", "tvsgs"};
     for (const CommandEntry& entry : built_commands())
         app.add_subcommand(short_name(entry), entry.summary);
-    app.add_subcommand("help", "the flags of a command: tvsgs help train");
+    app.add_subcommand("help", "show the flags of a command: tvsgs help train");
     const std::vector<std::string> words(argv + 1, argv + argc);
     const bool listed = words.empty() || (words[0] == "help" && words.back() == "help");
     char list[] = "--help";
@@ -57,7 +57,7 @@ int command(int argc, char** argv) {
     if (listed) parse_command_line(app, 2, ask_for_list);
     if (words[0].starts_with("-")) {
         parse_command_line(app, argc, argv);
-        throw Error(ExitCode::usage, "no command given; `tvsgs help` lists them");
+        throw Error(ExitCode::usage, "no command given; `tvsgs help` lists all");
     }
     if (words[0] == "help") become(entry_of(words[1]), {"--help"});
     become(entry_of(words[0]), {words.begin() + 1, words.end()});

@@ -91,13 +91,13 @@ public:
         port_ = port > 0 ? (server_.bind_to_port(host, port) ? port : -1)
                          : server_.bind_to_any_port(host);
         if (port_ < 0)
-            throw Error(
-                ExitCode::usage,
-                str("--port ", port, ": is taken, or not ours to take; name another, or none"));
+            throw Error(ExitCode::usage,
+                        str("Port ", port, " is in use or not permitted; choose another"));
         std::printf("http://127.0.0.1:%d/?token=%s\n", port_, token_.c_str());
         std::fflush(stdout);
-        spdlog::info("open this address in a browser of this machine; Ctrl-C ends it");
-        if (!server_.listen_after_bind()) throw Error(ExitCode::io, "the server has failed");
+        spdlog::info("Open this address in a browser of this machine; Ctrl-C ends the server");
+        if (!server_.listen_after_bind())
+            throw Error(ExitCode::io, "the server failed; start it again");
     }
 
 private:
@@ -120,7 +120,7 @@ private:
             response.set_redirect("/", 303);
         } else if (!same(cookie(request.get_header_value("Cookie"), name), token_)) {
             response.status = 403;
-            response.set_content("Open the address that tvsgs-view has printed.\n", "text/plain");
+            response.set_content("Open the address that tvsgs-view printed.\n", "text/plain");
         } else {
             return true;
         }
@@ -135,7 +135,7 @@ private:
         } catch (const std::exception& error) {
             spdlog::warn("{}", error.what());
             response.status = 503;
-            response.set_content("Not now: see what tvsgs-view says.\n", "text/plain");
+            response.set_content("Failed: see the messages of tvsgs-view.\n", "text/plain");
         }
     }
 

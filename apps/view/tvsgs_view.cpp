@@ -25,47 +25,45 @@ Arguments parse(int argc, char** argv) {
     Arguments a;
     double megabytes = 40;
     CLI::App app{
-        "Makes a page of a run, or of two beside each other: splats, mesh, cameras with "
-        "their photographs, errors.",
+        "Shows one run, or two side by side, on a page: splats, mesh, cameras with photographs, "
+        "errors.",
         "tvsgs-view"};
     app.get_formatter()->column_width(40);
     app.add_option("runs,-m,--run,--model,--model-path", a.input.runs,
-                   "run folder, or two of one scene")
+                   "run folder, or two run folders of one scene")
         ->required();
     add_output_flag(app, "-o,--out,--output", a.out,
-                    "page to write, .html [it is served to a browser of this machine, and follows "
-                    "a training]");
-    app.add_option("--port", a.port, "to serve at [any]")->check(CLI::Range(1, 65535));
+                    "page to write, .html [none: served to a browser of this machine, also while a "
+                    "run trains]");
+    app.add_option("--port", a.port, "port of the server [any free one]")
+        ->check(CLI::Range(1, 65535));
     app.add_option("-s,--scene", a.input.scene, "folder of the scene [that of the first run]");
     app.add_option("--gt", a.input.gt,
-                   "true surface (mesh or cloud): splats and mesh get colours by their distance to "
-                   "it [what the run has been measured against]");
-    app.add_option("--crop", a.input.crop, "with --gt: selection volume, as tvsgs-eval takes it");
+                   "true surface, mesh or cloud: colours splats and mesh by distance to it [that "
+                   "of the evaluation]");
+    app.add_option("--crop", a.input.crop, "with --gt: selection volume, as for tvsgs-eval");
     app.add_option("--megabytes", megabytes,
-                   "size of the page, about: harmonics, then the smallest splats give way [40]")
+                   "page size; view-dependent colour, then small splats are dropped [40]")
         ->check(in_range(1.0, 2000.0));
-    app.add_option("--max-splats", a.page.max_splats, "the largest so many of each run [all]")
+    app.add_option("--max-splats", a.page.max_splats, "keep the N largest splats of each run [all]")
         ->check(CLI::Range(1, 50000000));
-    app.add_option("--photos", a.page.max_photos, "at most so many photographs [60]")
+    app.add_option("--photos", a.page.max_photos, "most photographs on the page [60]")
         ->check(CLI::Range(0, 10000));
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
     parse_command_line(app, argc, argv);
     if (a.input.runs.size() > kMaxRuns)
-        throw Error(ExitCode::usage,
-                    str(a.input.runs.size(), " runs; expected one, or two to compare"));
+        throw Error(ExitCode::usage, str(a.input.runs.size(), " runs; expected one or two"));
     if (!a.input.crop.empty() && a.input.gt.empty())
-        throw Error(ExitCode::usage,
-                    str("--crop ", a.input.crop, ": belongs to --gt, which is missing"));
+        throw Error(ExitCode::usage, str("--crop ", a.input.crop, ": needs --gt"));
     if (const std::string& last = a.input.runs.back();
         a.out.empty() && std::filesystem::path(last).extension() == ".html")
-        throw Error(ExitCode::usage, str(last,
-                                         ": is taken for a run folder; the page is named by "
-                                         "--out ",
-                                         last));
+        throw Error(ExitCode::usage,
+                    str(last, ": expected a run folder; to write a page, give --out ", last));
     if (a.out.empty() && a.input.runs.size() > 1)
-        throw Error(ExitCode::usage, "two runs: give --out FILE.html; one alone can be served");
+        throw Error(ExitCode::usage,
+                    "two runs: give --out FILE.html; the server shows one run only");
     if (!a.out.empty() && a.port > 0)
-        throw Error(ExitCode::usage, "--port with --out: a page in a file is not served");
+        throw Error(ExitCode::usage, "--port and --out exclude each other: a file is not served");
     a.page.max_bytes = static_cast<std::size_t>(megabytes * 1e6);
     return a;
 }
@@ -77,15 +75,15 @@ int command(int argc, char** argv) {
         serve(a.input, a.page, a.port);
         return 0;
     }
-    require_output(a.out, {".html"}, "is a page", {});
+    require_output(a.out, {".html"}, {});
     ViewSubject subject = read_view_subject(a.input);
     const ViewPage page = view_page(std::move(subject.runs), subject.cameras, a.page);
     for (const std::string& note : page.notes) spdlog::warn("{}", note);
     write_text_file(a.out, page.html);
-    spdlog::info("{}: {:.1f} MB; open it in a browser", a.out,
+    spdlog::info("Page: {} ({:.1f} MB); open it in a browser", a.out,
                  static_cast<double>(page.html.size()) / 1e6);
     say_next({"tvsgs-export", a.input.runs.front(), "splats.spz"},
-             "writes the splats for other viewers");
+             "write the splats for other viewers");
     return 0;
 }
 

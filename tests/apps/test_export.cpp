@@ -217,7 +217,7 @@ TEST_F(ExportCommand, WritesOverItsOwnFilesOnly) {
         exported("some.ply " + name);
         exported("some.ply " + name);
         std::ofstream(folder_ / name) << "mine";
-        expect_refused("some.ply " + name, 2, "not written by tvsgs");
+        expect_refused("some.ply " + name, 2, "already exists and is not ours");
         EXPECT_EQ(contents(folder_ / name), "mine");
     }
     exported("some.ply four.spz --spz-version 4");
@@ -236,28 +236,28 @@ TEST_F(ExportCommand, ItsReportTakesNoNameOfTheSplats) {
         expect_refused("in.spz out.spz --out-report " + report, 2, "--out-report " + report);
     EXPECT_EQ(contents(folder_ / "in.spz"), before);
     EXPECT_FALSE(fs::exists(folder_ / "out.spz"));
-    expect_refused("run x.spz --out-report " + splats_of_run(), 2, "one of the files that");
+    expect_refused("run x.spz --out-report " + splats_of_run(), 2, "needs this file");
 }
 
 TEST_F(ExportCommand, RefusesWithOneLine) {
     expect_refused("run x.spz --input-frame rub", 2, "run is a run folder");
-    expect_refused("nothing x.spz", 3, "nothing: does not exist");
+    expect_refused("nothing x.spz", 3, "nothing: not found");
     expect_refused("some.ply", 2, "expected tvsgs-export INPUT OUTPUT");
-    expect_refused("some.ply x.splat", 2, "expected a name that ends in .ply, .spz, .sog or .glb");
+    expect_refused("some.ply x.splat", 2, "; use .ply, .spz, .sog or .glb");
     expect_refused("some.ply some.ply", 2, "is the file of the splats");
     expect_refused("some.ply x.spz --spz-version 5", 2, "--spz-version");
     expect_refused("some.ply x.spz --spz-sh-bits 5", 2, "two numbers from 1 to 8");
-    expect_refused("some.ply x.sog --spz-version 2", 2, "--spz-version: belongs to .spz");
-    expect_refused("some.ply x.ply --spz-sh-bits 5,4", 2, "--spz-sh-bits: belongs to .spz");
-    expect_refused("some.ply x.spz --sh-palette 10", 2, "--sh-palette: belongs to .sog");
-    expect_refused("some.ply " + splats_of_run(), 2, "one of the files that");
+    expect_refused("some.ply x.sog --spz-version 2", 2, "--spz-version: only for .spz");
+    expect_refused("some.ply x.ply --spz-sh-bits 5,4", 2, "--spz-sh-bits: only for .spz");
+    expect_refused("some.ply x.spz --sh-palette 10", 2, "--sh-palette: only for .sog");
+    expect_refused("some.ply " + splats_of_run(), 2, "needs this file");
     expect_refused("some.ply x.spz --bbox 1,2,3", 2, "x0 < x1");
     expect_refused("some.ply x.spz --bbox 8,8,8,9,9,9", 3, "none of its 500 splats is left");
     expect_refused("some.ply x.spz --prune-unseen", 2, "give --scene DIR");
     expect_refused("some.ply x.spz --frame xyz", 2, "--frame");
     expect_refused("some.ply x.spz --max-splat 3", 2, "--max-splats");
     std::ofstream(folder_ / "bad.spz") << "no gzip";
-    expect_refused("bad.spz x.ply", 3, "begins neither as gzip");
+    expect_refused("bad.spz x.ply", 3, "neither gzip nor");
     std::ofstream(folder_ / "bad.glb") << std::string(40, 'x');
     expect_refused("bad.glb x.ply", 3, "bad.glb");
     std::ofstream(folder_ / "bad.sog") << "no archive";

@@ -95,6 +95,14 @@ TEST_F(InitCommand, AnotherSeedIsAnotherCloud) {
     EXPECT_NE(contents(folder_ / "seed.ply"), contents(folder_ / "cloud.ply"));
 }
 
+TEST_F(InitCommand, WarnsOfVariablesOfOtherCommands) {
+    ::setenv("TVSGS_TV__K", "5", 1);
+    EXPECT_EQ(call("init", "--list-keys"), 0);
+    EXPECT_NE(err().find("TVSGS_TV__K: this command has no key tv.k; ignored"), std::string::npos)
+        << err();
+    ::unsetenv("TVSGS_TV__K");
+}
+
 TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--out x.ply", 2, "--scene");
     expect_refused("init", "--scene scene", 2, "nothing to write");
@@ -103,7 +111,7 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--scene scene --out x.ply --set stereo.min_consistant=2", 2,
                    "min_consistent");
     expect_refused("init", "--scene scene --views 0,1,2 --out x.ply --set stereo.min_consistent=3",
-                   2, "of 3 views a depth has 2 others");
+                   2, "with 3 views a depth has only 2 other views");
     expect_refused("init", "--scene scene --out x.ply --device gpu", 2, "expected auto, cpu");
     expect_refused("init", "--scene nowhere --out x.ply", 3, "nowhere");
     expect_refused("init", "--scene scene --views 0 --out x.ply --device cpu", 3,
@@ -111,7 +119,7 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--scene scene --split train_3 --device cpu --out /proc/no/x.ply", 6,
                    "/proc/no");
     expect_refused("init", "--scene scene --device cpu --out cloud.ply/x.ply", 6,
-                   "cloud.ply is no folder");
+                   "cloud.ply is not a folder");
     EXPECT_EQ(err().find("views of"), std::string::npos) << "before any work: " << err();
     const std::string masked = "--split train_3 --device cpu --use-masks --out x.ply --scene ";
     fs::copy(folder_ / "scene", folder_ / "maskless", fs::copy_options::recursive);
@@ -123,10 +131,10 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
         write_png((folder_ / "maskless/masks" / file.path().filename()).string(),
                   ImageU8(96, 72, 1, 0));
     expect_refused("init", masked + "maskless", 3,
-                   "has no pixel of the object (128 and more); write masks as 0 and 255, leave the "
-                   "view out, or leave out --use-masks");
-    expect_refused("init", "--scene scene --out x.ply --no-pictures", 2, "belongs to --maps DIR");
-    expect_refused("init", "--scene scene --out scene/gt/mesh.ply", 2, "name another place");
+                   "is empty (no pixel of 128 or more); write masks as 0 and 255, remove the view, "
+                   "or leave out --use-masks");
+    expect_refused("init", "--scene scene --out x.ply --no-pictures", 2, "needs --maps DIR");
+    expect_refused("init", "--scene scene --out scene/gt/mesh.ply", 2, "choose another");
     EXPECT_FALSE(fs::exists(folder_ / "x.ply"));
 }
 
@@ -149,16 +157,16 @@ TEST_F(InitCommand, TrainingMakesItsOwnCloud) {
     const std::string train =
         "--scene scene --split train_3 --device cpu --iterations 2 --overwrite --out run ";
     ASSERT_EQ(call("train", train + "--set init.min_points=1000000"), 0) << err();
-    EXPECT_NE(err().find("stereo of 3 views"), std::string::npos) << err();
+    EXPECT_NE(err().find("Stereo of 3 views"), std::string::npos) << err();
     ASSERT_EQ(call("train", train + "--set init.min_points=0"), 0) << err();
-    EXPECT_EQ(err().find("stereo of 3 views"), std::string::npos) << err();
+    EXPECT_EQ(err().find("Stereo of 3 views"), std::string::npos) << err();
 }
 
 TEST_F(InitCommand, TrainingChecksForeignClouds) {
     const std::string train =
         "--scene scene --split train_3 --device cpu --iterations 2 --overwrite --out run ";
     ASSERT_EQ(call("train", train + "--init-ply cloud.ply --set init.max_points=200"), 0) << err();
-    EXPECT_NE(err().find("are left after thinning"), std::string::npos) << err();
+    EXPECT_NE(err().find("thinned to"), std::string::npos) << err();
     PointCloud cloud = read_ply((folder_ / "cloud.ply").string()).points;
     for (Vec3f& p : cloud.positions) p = 1000.0f * p;
     write_cloud_ply((folder_ / "far.ply").string(), cloud);

@@ -103,9 +103,9 @@ TEST_F(ViewCommand, ARunThatHasLostItsSceneDoesWithoutPhotographs) {
 
 TEST_F(ViewCommand, WhatIsWrongIsSaid) {
     expect_refused("scene --out page.html", 3, "no run folder");
-    expect_refused("run run run --out page.html", 2, "expected one, or two");
+    expect_refused("run run run --out page.html", 2, "expected one or two");
     expect_refused("run --out page.txt", 2, ".html");
-    expect_refused("run page.html", 2, "is named by --out page.html");
+    expect_refused("run page.html", 2, "give --out page.html");
     expect_refused("run --out page.html --gt nothing.ply", 3, "nothing.ply");
     expect_refused("run --out page.html --crop box.json", 2, "--gt");
     std::ofstream(folder_ / "mine.html") << "mine";
@@ -119,7 +119,7 @@ TEST_F(ViewCommand, WhatIsWrongIsSaid) {
         << "[{\"img_name\": \"a\", \"position\": [0, 0, 0], \"width\": 1e300}]";
     expect_refused("broken --out page2.html", 3, "expected 1 to 65535");
     std::ofstream(folder_ / "broken/cameras.json") << "[]";
-    expect_refused("broken --out page2.html", 3, "holds no camera");
+    expect_refused("broken --out page2.html", 3, "no cameras");
 }
 
 }  // namespace

@@ -120,7 +120,7 @@ TEST_F(BlockSchedules, AFailedBlockRunsAgainAloneAfterTheOthers) {
         std::find_if(seen.begin(), seen.end(), [](const Event& e) { return e.block == 2; });
     EXPECT_NE(first->place, seen[7].place) << "another place than the one where it failed";
     for (const char* part : {"block 2 failed on", "exit code 4: error: no luck\n  while training",
-                             "it runs once more, alone", "block 2 is done, 4 of 4"})
+                             "It runs once more, alone", "Block 2 is done, 4 of 4"})
         EXPECT_NE(messages().find(part), std::string::npos) << messages() << "\nlacks " << part;
     EXPECT_EQ(messages().find("before"), std::string::npos) << messages();
     EXPECT_NE(contents(log(2)).find("before\nerror: no luck\n"), std::string::npos);
@@ -144,7 +144,7 @@ TEST_F(BlockSchedules, APlaceWithoutAUsableDeviceGetsNoFurtherBlock) {
     const std::vector<Event> seen = events();
     EXPECT_EQ(
         std::count_if(seen.begin(), seen.end(), [](const Event& e) { return e.place == "b"; }), 1);
-    EXPECT_NE(messages().find("b is not used any longer"), std::string::npos) << messages();
+    EXPECT_NE(messages().find("b is no longer used"), std::string::npos) << messages();
 }
 
 TEST_F(BlockSchedules, WithoutAnyUsableDeviceAllBlocksFail) {
@@ -213,7 +213,7 @@ TEST_F(BlockSchedules, ABlockThatCannotStartFailsAndTheOthersGoOn) {
     EXPECT_EQ(failures[0].code, static_cast<int>(ExitCode::io));
     EXPECT_EQ(failures[1].code, static_cast<int>(ExitCode::input));
     EXPECT_EQ(events().size(), 2u);
-    EXPECT_NE(messages().find("none/1.log: cannot be written"), std::string::npos) << messages();
+    EXPECT_NE(messages().find("none/1.log: cannot write it"), std::string::npos) << messages();
     EXPECT_NE(messages().find("its folder is gone"), std::string::npos) << messages();
 }
 

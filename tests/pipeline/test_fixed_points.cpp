@@ -111,7 +111,7 @@ TEST(FixedPoints, WrongFramesAreRefused) {
         // 5 % of the scene; for a shift along the ground only the house shows the difference.
         refused([](Vec3f p) { return p + Vec3f{0.2f, 0, 0}; }, "moved by (-0.");
         refused([](Vec3f p) { return p + Vec3f{0, 0, 0.2f}; }, "moved by (");
-        refused([](Vec3f p) { return p + Vec3f{500, 0, 0}; }, "in front of two training cameras");
+        refused([](Vec3f p) { return p + Vec3f{500, 0, 0}; }, "visible in two training views");
     }
 }
 
@@ -156,10 +156,10 @@ TEST(FixedPoints, EachPlaceVotesOnce) {
 TEST(FixedPoints, WhatCannotBeToldIsRefused) {
     EXPECT_NE(verdict(scene(20000, samples(10, 2))).find("expected at least 20"),
               std::string::npos);
-    EXPECT_NE(verdict(scene(30, samples(30, 2))).find("nearer to each other"), std::string::npos);
+    EXPECT_NE(verdict(scene(30, samples(30, 2))).find("closer together"), std::string::npos);
     Scene empty = scene();
     empty.points = {};
-    EXPECT_NE(verdict(empty).find("0 of its 1500 points could be held"), std::string::npos);
+    EXPECT_NE(verdict(empty).find("0 of its 1,500 points could be compared"), std::string::npos);
 }
 
 TEST(FixedPoints, FillTheGapsOfTheCloud) {

@@ -54,7 +54,7 @@ TEST(CheckMasks, RefusesWhatCannotBeMeant) {
         EXPECT_EQ(refusal(use, {none, black}), "");
     View lens = good;
     for (std::uint8_t& value : lens.mask.pixels) value = value > 0 ? 255 : kNoPhoto;
-    EXPECT_NE(refusal(MaskUse::object, {lens, lens}).find("leave out nothing"), std::string::npos);
+    EXPECT_NE(refusal(MaskUse::object, {lens, lens}).find("cover the photographs completely"), std::string::npos);
     EXPECT_EQ(refusal(MaskUse::object, {lens, good}), "");
     EXPECT_EQ(refusal(MaskUse::ignore, {lens, lens}), "");
 }

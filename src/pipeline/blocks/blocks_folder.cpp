@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "core/grouped.h"
 #include "io/files/atomic_file.h"
 #include "io/files/checkpoint.h"
 #include "io/files/json_value.h"
@@ -50,11 +51,8 @@ public:
         }
         const double version = root_["version"].number_or(-1);
         if (version != kBlocksVersion)
-            throw wrong(version < 0 ? std::string("says no version")
-                                    : str("is of version ", version,
-                                          ", and this program writes "
-                                          "and reads version ",
-                                          kBlocksVersion));
+            throw wrong(version < 0 ? std::string("has no version")
+                                    : str("has version ", version, ", expected ", kBlocksVersion));
     }
 
     Error wrong(const std::string& what) const {
@@ -64,14 +62,14 @@ public:
 
     const JsonValue& at(const JsonValue& object, const char* key, JsonValue::Kind kind) const {
         const JsonValue& value = object[key];
-        if (!value.is(kind)) throw wrong(str("its '", key, "' is missing or of another kind"));
+        if (!value.is(kind)) throw wrong(str("'", key, "' is missing or of a wrong type"));
         return value;
     }
     double number(const char* key) const { return at(root_, key, JsonValue::Kind::number).number; }
     std::int64_t count(const char* key) const {
         const double value = number(key);
         if (!(value >= 0 && value < 9e15 && value == std::floor(value)))
-            throw wrong(str("its '", key, "' is ", value, "; expected a count"));
+            throw wrong(str("'", key, "' is ", value, "; expected a whole number, 0 or more"));
         return static_cast<std::int64_t>(value);
     }
     std::string text(const char* key) const { return at(root_, key, JsonValue::Kind::text).text; }
@@ -80,7 +78,7 @@ public:
         const std::string& t = value.text;
         const auto end = t.data() + t.size();
         if (t.size() != 8 || std::from_chars(t.data(), end, crc, 16).ptr != end)
-            throw wrong(str("'", shown(t), "' is no CRC-32"));
+            throw wrong(str("'", shown(t), "' is not a CRC-32"));
         return crc;
     }
     std::vector<double> numbers(const JsonValue& list, std::size_t count, const char* what) const {
@@ -88,12 +86,12 @@ public:
         for (const JsonValue& item : list.items)
             out.push_back(item.is(JsonValue::Kind::number) ? item.number : NAN);
         if (out.size() != count)
-            throw wrong(str("its '", what, "' has ", out.size(), " numbers instead of ", count));
+            throw wrong(str("'", what, "' has ", out.size(), " numbers, expected ", count));
         return out;
     }
     Vec3d vec(const JsonValue& list, const char* what) const {
         const std::vector<double> v = numbers(list, 3, what);
-        if (!std::isfinite(v[0] + v[1] + v[2])) throw wrong(str("its '", what, "' is not finite"));
+        if (!std::isfinite(v[0] + v[1] + v[2])) throw wrong(str("'", what, "' is not finite"));
         return {v[0], v[1], v[2]};
     }
     std::vector<FileRecord> files() const {
@@ -105,7 +103,7 @@ public:
                 std::max(0.0, at(entry, "bytes", JsonValue::Kind::number).number));
             file.crc = crc(at(entry, "crc32", JsonValue::Kind::text));
             if (fs::path(file.name).is_absolute() || file.name.find("..") != std::string::npos)
-                throw wrong(str("file '", shown(file.name), "' lies outside of its folder"));
+                throw wrong(str("file '", shown(file.name), "' lies outside its folder"));
             out.push_back(std::move(file));
         }
         return out;
@@ -119,7 +117,8 @@ private:
 const char* const kSplitAgain = "run tvsgs-blocks split again, into another folder";
 
 std::string run_again(const BlocksManifest& manifest, int block) {
-    return str("tvsgs-blocks run ", manifest.folder, " --block ", block, " --again trains it anew");
+    return str("train it again: tvsgs-blocks run ", manifest.folder, " --block ", block,
+               " --again");
 }
 
 std::string result_file(const BlocksManifest& manifest, int block) {
@@ -175,7 +174,7 @@ FileRecord record_of(const std::string& folder, const std::string& name) {
     require_regular_file(path);
     FileRecord record{name, 0, 0};
     std::FILE* const file = std::fopen(path.c_str(), "rb");
-    if (file == nullptr) throw input_error(path, ": cannot be read");
+    if (file == nullptr) throw input_error(path, ": cannot read it");
     std::vector<char> bytes(1 << 20);
     for (std::size_t n; (n = std::fread(bytes.data(), 1, bytes.size(), file)) > 0;)
         record.crc = crc_of({bytes.data(), n}, record.crc), record.bytes += n;
@@ -192,10 +191,10 @@ std::optional<std::string> fault_of(const std::string& folder, const FileRecord&
     const std::uintmax_t bytes = fs::file_size(path, code);
     if (code) return "cannot be read: " + code.message();
     if (bytes != record.bytes)
-        return str("is damaged: it has ", bytes, " bytes instead of ", record.bytes);
+        return str("is damaged: ", grouped(bytes), " bytes, expected ", grouped(record.bytes));
     const FileRecord now = record_of(folder, record.name);
     if (now.crc != record.crc)
-        return str("is damaged: its CRC-32 is ", hex(now.crc), " instead of ", hex(record.crc));
+        return str("is damaged: CRC-32 ", hex(now.crc), ", expected ", hex(record.crc));
     return std::nullopt;
 }
 
@@ -226,9 +225,10 @@ void write_manifest(const BlocksManifest& manifest) {
 BlocksManifest read_manifest(const std::string& folder) {
     const std::string path = folder + "/manifest.json";
     if (std::error_code code; !fs::exists(path, code))
-        throw Error(ExitCode::input, str(folder,
-                                         ": has no manifest.json; expected the folder that "
-                                         "tvsgs-blocks split has written to its end"));
+        throw Error(
+            ExitCode::input,
+            str(folder,
+                ": no manifest.json; expected a folder that tvsgs-blocks split has finished"));
     const Reader in(path, kSplitAgain);
     using Kind = JsonValue::Kind;
     BlocksManifest m;
@@ -241,7 +241,7 @@ BlocksManifest read_manifest(const std::string& folder) {
     const JsonValue& frame = in.at(in.root(), "ground_from_world", Kind::list);
     const JsonValue& near = in.at(in.root(), "near", Kind::list);
     if (frame.items.size() != 3 || near.items.size() != 2)
-        throw in.wrong("its 'ground_from_world' or 'near' has another size");
+        throw in.wrong("'ground_from_world' or 'near' has a wrong size");
     for (int r = 0; r < 3; ++r) {
         const Vec3d row = in.vec(frame.items[static_cast<std::size_t>(r)], "ground_from_world");
         for (int c = 0; c < 3; ++c) m.frame.ground_from_world[r][c] = row[c];
@@ -258,11 +258,10 @@ BlocksManifest read_manifest(const std::string& folder) {
         cell.low[1] = or_infinite(v[2], -1), cell.high[1] = or_infinite(v[3], 1);
         m.cells.push_back(cell);
     }
-    if (m.cells.empty() || m.cells.size() > 99999) throw in.wrong("it has no blocks, or too many");
+    if (m.cells.empty() || m.cells.size() > 99999) throw in.wrong("no blocks, or too many");
     m.files = in.files();
     m.split = in.crc(in.at(in.root(), "split", Kind::text));
-    if (m.split != split_of(m))
-        throw in.wrong("it is damaged: its text and its checksum do not go together");
+    if (m.split != split_of(m)) throw in.wrong("damaged: the checksum differs");
     return m;
 }
 
@@ -290,9 +289,8 @@ BlockInputs read_block_inputs(const BlocksManifest& manifest, int block) {
     inputs.block = static_cast<int>(in.count("block"));
     inputs.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
     if (inputs.block != block || inputs.split != manifest.split)
-        throw in.wrong(str("it is of block ", inputs.block, " of split ", hex(inputs.split),
-                           ", and the manifest asks for block ", block, " of split ",
-                           hex(manifest.split)));
+        throw in.wrong(str("for block ", inputs.block, " of split ", hex(inputs.split),
+                           ", expected block ", block, " of split ", hex(manifest.split)));
     inputs.views = static_cast<int>(in.count("views"));
     inputs.points = in.count("points"), inputs.expected_splats = in.count("expected_splats");
     inputs.fixed_splats = in.count("fixed_splats");
@@ -323,14 +321,13 @@ std::optional<BlockResult> read_block_result(const BlocksManifest& manifest, int
     result.block = static_cast<int>(in.count("block"));
     result.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
     if (result.block != block || result.split != manifest.split)
-        throw in.wrong(str("it is of block ", result.block, " of split ", hex(result.split),
-                           ", and the manifest asks for block ", block, " of split ",
-                           hex(manifest.split)));
+        throw in.wrong(str("for block ", result.block, " of split ", hex(result.split),
+                           ", expected block ", block, " of split ", hex(manifest.split)));
     result.program = in.text("program");
     result.splats = in.count("splats"), result.peak_bytes = in.count("peak_bytes");
     result.seconds = in.number("seconds");
     result.files = in.files();
-    if (result.files.empty()) throw in.wrong("it lists no splats");
+    if (result.files.empty()) throw in.wrong("no splats are listed");
     require_files(folder, result.files, str("block ", block), run_again(manifest, block));
     return result;
 }
@@ -340,10 +337,9 @@ BlockResult require_block_result(const BlocksManifest& manifest, int block) {
     if (!result)
         throw Error(
             ExitCode::input,
-            str("block ", block, ": ", result_file(manifest, block),
-                " is missing, as the block has not been trained to its end; tvsgs-blocks run ",
-                manifest.folder, " --block ", block, " does that, tvsgs-blocks status ",
-                manifest.folder, " --missing lists all of them"));
+            str("block ", block, " is not trained to its end (no ", result_file(manifest, block),
+                "); train it with tvsgs-blocks run ", manifest.folder, " --block ", block,
+                ", list all such blocks with tvsgs-blocks status ", manifest.folder, " --missing"));
     return std::move(*result);
 }
 

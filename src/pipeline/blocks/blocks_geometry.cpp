@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/math/eigen.h"
 
 namespace tvsgs {
@@ -100,10 +101,9 @@ Vec3d up_of(const std::vector<Vec3d>& centres) {
     }
     const auto found = sym_eigen(scatter);
     if (centres.size() < 3 || !(found.values[1] > 1e-6 * found.values[0]))
-        throw Error(ExitCode::input,
-                    str("the ", centres.size(),
-                        " cameras stand in a line or at one place, so they do not say where up "
-                        "is; give it with --up x,y,z"));
+        throw Error(ExitCode::input, str("the ", centres.size(),
+                                         " cameras are in a line or at one place, so the up "
+                                         "direction is unknown; give it with --up x,y,z"));
     return column(found.vectors, 2);
 }
 
@@ -144,10 +144,9 @@ std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
         if (of.size() < 2 || (!cut(points, weights, longer, *heaviest, upper) &&
                               !cut(points, weights, 1 - longer, *heaviest, upper)))
             throw Error(ExitCode::input,
-                        str("a cell of ", of.size(),
-                            " splats cannot be cut again: they are too few or lie at one place; "
-                            "ask for fewer blocks than ",
-                            parts.size() + 1, " or more splats in each"));
+                        str("cannot cut a cell of ", grouped(of.size()),
+                            " splats: too few, or all at one place; give fewer than ",
+                            parts.size() + 1, " blocks, or a larger --max-splats"));
         parts.insert(heaviest + 1, std::move(upper));
     }
     std::vector<GroundCell> cells;

@@ -90,7 +90,7 @@ struct Waiting {
 
 std::string ending_text(int code) {
     return code > 128 ? str("ended by signal ", code - 128, " (", strsignal(code - 128), ")",
-                            code == 128 + SIGKILL ? ", as when memory runs out" : "")
+                            code == 128 + SIGKILL ? ", often out of memory" : "")
                       : str("exit code ", code);
 }
 
@@ -122,7 +122,7 @@ private:
                 if (place.run) look_at(place);
             pass_signal_on();
             if (stopped_by_ == 0 || running() > 0) continue;
-            spdlog::info("{} of {} blocks are done; the same command goes on with the others",
+            spdlog::info("{} of {} blocks are done; the same command continues with the rest",
                          done_, jobs_);
             throw Stopped{stopped_by_};
         }
@@ -149,7 +149,7 @@ private:
         try {
             place.run =
                 std::make_unique<Run>(job, schedule_.command(job.block, place.name, alone_));
-            spdlog::info("block {} starts on {}; its messages: {}", job.block, place.name, job.log);
+            spdlog::info("Block {} starts on {}; messages: {}", job.block, place.name, job.log);
         } catch (const Error& error) {
             fail(job, place, static_cast<int>(error.code()), error.what());
         }
@@ -182,14 +182,14 @@ private:
         if (!code) return;
         const std::unique_ptr<Run> run = std::move(place.run);
         if (*code == 0)
-            spdlog::info("block {} is done, {} of {}", run->job().block, ++done_, jobs_);
+            spdlog::info("Block {} is done, {} of {}", run->job().block, ++done_, jobs_);
         else if (stopped_by_ == 0 && SignalGuard::received() == 0)
             fail(run->job(), place, *code, lines);
     }
 
     void fail(const BlockJob& job, Place& place, int code, const std::string& lines) {
         const std::string text =
-            str("block ", job.block, " failed ", alone_ ? "again " : "", "on ", place.name, ", ",
+            str("Block ", job.block, " failed ", alone_ ? "again " : "", "on ", place.name, ", ",
                 ending_text(code), lines.empty() ? "" : ": ", printable(lines));
         const auto usable = [](const Place& p) { return p.usable; };
         if (code == static_cast<int>(ExitCode::device) &&
@@ -199,8 +199,8 @@ private:
             spdlog::error("{}", text);
             failed_twice_.push_back({job.block, code});
         } else {
-            spdlog::warn("{}\n  it runs once more, alone, after the others{}", text,
-                         place.usable ? "" : str("; ", place.name, " is not used any longer"));
+            spdlog::warn("{}\n  It runs once more, alone, after the others{}", text,
+                         place.usable ? "" : str("; ", place.name, " is no longer used"));
             failed_.push_back({job, place.name});
         }
     }
@@ -208,9 +208,8 @@ private:
     void pass_signal_on() {
         if (stopped_by_ != 0 || SignalGuard::received() == 0) return;
         stopped_by_ = SignalGuard::received();
-        spdlog::info(
-            "stopping: {} blocks save their checkpoints; a second signal ends them at once",
-            running());
+        spdlog::info("Stopping: {} blocks save checkpoints; a second Ctrl-C ends them at once",
+                     running());
         for (Place& place : places_)
             if (place.run) place.run->process().send(stopped_by_);
     }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/math/point_tree.h"
 #include "core/math/quantile.h"
 #include "core/math/sigmoid.h"
@@ -172,10 +173,11 @@ void plan_cells(const Scene& scene,
         if (most <= static_cast<double>(split.max_splats)) break;
         if (count >= 4096 ||
             (count > 1 && shortest_side(manifest.cells.front(), manifest.near) < manifest.margin))
-            throw Error(ExitCode::input,
-                        str("--max-splats ", split.max_splats, ": ", count, " blocks still expect ",
-                            static_cast<std::int64_t>(most), " splats with their margins of ",
-                            manifest.margin, "; allow more of them, or a smaller --margin"));
+            throw Error(
+                ExitCode::input,
+                str("--max-splats ", split.max_splats, ": even ", count, " blocks need ",
+                    grouped(static_cast<std::int64_t>(most)), " splats each, with margins of ",
+                    manifest.margin, "; give a larger --max-splats or a smaller --margin"));
     }
 }
 
@@ -255,8 +257,7 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
         if (block.views.size() < 2)
             throw Error(ExitCode::input,
                         str("block ", b + 1, ": ", block.views.size(),
-                            " views show its cell; a block trains on 2 at least, so ask for fewer "
-                            "blocks"));
+                            " photographs show its cell, expected at least 2; give fewer blocks"));
 
         std::vector<Camera> cameras;
         for (const int v : block.views)

@@ -78,7 +78,7 @@ std::vector<std::vector<BlockView>> look_at_blocks(const Scene& scene,
     const auto backbone = make_backbone<Device>(options.backbone, options.render);
     Gaussians<Device> splats;
     copy(coarse, splats);
-    Progress progress("what the views see of the blocks", static_cast<double>(scene.train.size()));
+    Progress progress("views per block", static_cast<double>(scene.train.size()));
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         progress.advance();
         const auto& images = backbone->forward(splats, scene.train[v].camera, 0, kGeometryMaps);

@@ -37,7 +37,7 @@ void require_mesh_output(const std::string& out,
                          const MeshOutputOptions& options,
                          const SceneOptions& scene) {
     const bool textured = texture_side(options) > 0;
-    require_output(out, {".glb", ".obj", ".ply"}, "a mesh is written as GLB, OBJ or PLY", scene);
+    require_output(out, {".glb", ".obj", ".ply"}, scene);
     const MeshFormat format = mesh_format(out).value_or(MeshFormat::ply);
     if (format == MeshFormat::ply && options.texture != "none" && options.texture != "auto")
         throw Error(ExitCode::usage,

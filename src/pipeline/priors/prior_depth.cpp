@@ -6,6 +6,7 @@
 
 #include "core/device/parallel_errors.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
 #include "io/files/read_file.h"
@@ -142,7 +143,7 @@ const char* text_of(PriorAlignment alignment) {
     return alignment == PriorAlignment::metric   ? "in scene units"
            : alignment == PriorAlignment::scale  ? "up to scale"
            : alignment == PriorAlignment::affine ? "relative"
-                                                 : "order of";
+                                                 : "relative order";
 }
 
 /// Fits one view.
@@ -164,7 +165,7 @@ void warn_of_views(const std::vector<FittedView>& fitted, const std::vector<Prio
         const std::string& name = views[i].view->name;
         const PriorFit& fit = fitted[i].fit;
         if (fitted[i].left_out)
-            bad.push_back(str(name, " (", percent(fit.residual), ", one depth for all ",
+            bad.push_back(str(name, " (", percent(fit.residual), ", constant depth ",
                               percent(fit.residual_of_constant), ")"));
         else if (fitted[i].file && !fitted[i].fit.found &&
                  fitted[i].reading.alignment != PriorAlignment::rank)
@@ -172,12 +173,12 @@ void warn_of_views(const std::vector<FittedView>& fitted, const std::vector<Prio
     }
     if (!bad.empty())
         spdlog::warn(
-            "priors: depth maps of {} views are left out, as they are farther off the points than "
-            "priors.max_residual or nearly as far as one depth for all would be: {}",
+            "Priors: ignores the depth maps of {} views, which fit the points worse than "
+            "priors.max_residual or hardly better than a constant depth: {}",
             bad.size(), listed(bad));
     if (!few.empty())
         spdlog::warn(
-            "priors: of {} views only the order of depths is used, as too few points tell scale "
+            "Priors: uses only the order of depths in {} views with too few points to fit scale "
             "and shift: {}",
             few.size(), listed(few));
 }
@@ -223,8 +224,8 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
                                       [](const FittedView& v) { return v.fit.found; });
     if (2 * empty > tested)
         throw input_error("E_PRIORS: ", source.what, ": ", empty, " of ", tested,
-                          " depth maps fit the points of their photographs hardly better than one ",
-                          "depth for all would: are these the maps of these photographs?");
+                          " depth maps fit the points hardly better than a constant depth; are "
+                          "they the maps of these photographs?");
 
     std::set<int> points;
     int used = 0;
@@ -238,9 +239,9 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     const std::string what = str(used, " depth maps", files, " (", source.what, ": ",
                                  text_of(choice.reading.alignment), " ", text_of(choice.reading));
     if (choice.tested_views == 0)
-        return str(what, ", untested: too few points; priors.quantity says what they are)");
+        return str(what, ", not checked: too few points; set priors.quantity if it is wrong)");
     if (choice.reading.alignment == PriorAlignment::rank) return what + ")";
-    return str(what, "), fitted to ", points.size(), " points, median residual ",
+    return str(what, "), fitted to ", grouped(points.size()), " points, median error ",
                percent(median_residual(fitted)));
 }
 

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/device/parallel_errors.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
 #include "io/files/read_file.h"
@@ -75,8 +76,8 @@ PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const 
     const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
     std::nth_element(lengths.begin(), middle, lengths.end());
     if (!(*middle > 0.8f && *middle < 1.2f))
-        throw input_error("E_PRIORS: ", file.path, ": vectors of a median length of ", *middle,
-                          "; expected unit normals, as numbers in [-1, 1], or as (n + 1) / 2");
+        throw input_error("E_PRIORS: ", file.path, ": median length of the normals ", *middle,
+                          "; expected 1, as numbers in [-1, 1] or as (n + 1) / 2");
     return placed;
 }
 
@@ -110,11 +111,11 @@ std::string fill_confidence(const PriorInputs& in, std::vector<PriorView>& views
         PlacedMap placed = read_placed(source, file, view, 1);
         for (float& value : placed.map.pixels) {
             if (source.from_one && value < 1)
-                throw input_error("E_PRIORS: ", file.path, ": has a confidence of ", value,
+                throw input_error("E_PRIORS: ", file.path, ": confidence ", value,
                                   "; expected 1 or more, or \"range\": \"unit\" in priors.json");
             if (source.from_one) value = 1 - 1 / value;
             if (value > 1.001f || value < -0.001f)
-                throw input_error("E_PRIORS: ", file.path, ": has a confidence of ", value,
+                throw input_error("E_PRIORS: ", file.path, ": confidence ", value,
                                   "; expected 0 to 1, or \"range\": \"ge1\" in priors.json");
             value = std::clamp(value, 0.f, 1.f);
         }
@@ -145,18 +146,17 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
         left_out[i] = tells_nothing(agreement);
         if (left_out[i])
             bad.push_back(str(files[i].view->view->name, " (", degrees_of(agreement.cosine),
-                              ", one normal for all ", degrees_of(agreement.cosine_of_constant),
-                              ")"));
+                              ", constant normal ", degrees_of(agreement.cosine_of_constant), ")"));
     }
     if (2 * bad.size() > files.size())
-        throw input_error("E_PRIORS: ", source.what, ": normals of ", bad.size(), " of ",
-                          files.size(), " views agree hardly better with the points of their ",
-                          "photographs than one normal for all would: ", listed(bad),
-                          "; are these the maps of these photographs?");
+        throw input_error(
+            "E_PRIORS: ", source.what, ": normals of ", bad.size(), " of ", files.size(),
+            " views fit the points hardly better than a constant normal: ", listed(bad),
+            "; are they the maps of these photographs?");
     if (!bad.empty())
         spdlog::warn(
-            "priors: normals of {} views are left out, as they agree hardly better with "
-            "the points than one normal for all would: {}",
+            "Priors: ignores the normals of {} views, which fit the points hardly better than a "
+            "constant normal: {}",
             bad.size(), listed(bad));
 
     for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
@@ -179,9 +179,9 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
         }
         add_map(*view.view, prior_map::kNormal, 3, std::move(sized.pixels));
     });
-    const std::string tested = choice.cosine != 0 ? str(", agreeing with ", choice.samples,
-                                                        " points to ", degrees_of(choice.cosine))
-                                                  : ", untested: too few points";
+    const std::string tested = choice.cosine != 0 ? str(", within ", degrees_of(choice.cosine),
+                                                        " of ", grouped(choice.samples), " points")
+                                                  : ", not checked: too few points";
     return str("normals", of_views(files.size() - bad.size(), views.size()), " (", source.what,
                ": ", text_of(choice.reading), tested, ")");
 }
@@ -220,9 +220,9 @@ std::string fill_features(const PriorInputs& in, std::vector<PriorView>& views) 
     });
     for (std::size_t i = 0; i < files.size(); ++i)
         if (channels[i] != channels[0])
-            throw input_error("E_PRIORS: ", files[i].file->path, ": has ", channels[i],
-                              " channels, ", files[0].file->path, " ", channels[0],
-                              "; expected descriptors of one kind");
+            throw input_error("E_PRIORS: ", files[i].file->path, ": ", channels[i],
+                              " channels, but ", files[0].file->path, " has ", channels[0],
+                              "; expected the same number");
     return str("features", of_views(files.size(), views.size()), " (", source.what, ": ",
                channels[0], " channels)");
 }

@@ -98,11 +98,10 @@ void require_files(const PriorOptions& options,
     std::string places;
     for (const std::string& folder : prior_folders(query))
         places += (places.empty() ? "" : ", ") + folder;
-    throw Error(ExitCode::input,
-                str("E_PRIORS: no prior ", lacks, " in ", places,
-                    ", which a loss of this configuration asks for; expected files as "
-                    "docs/guide/priors.md lists them: name their folder with --priors, or set the "
-                    "weight of that loss to 0"));
+    throw Error(ExitCode::input, str("E_PRIORS: a loss of this configuration needs prior ", lacks,
+                                     ", not found in ", places,
+                                     "; give the folder with --priors (files: "
+                                     "docs/guide/priors.md), or set the weight of that loss to 0"));
 }
 
 }  // namespace
@@ -127,8 +126,7 @@ void read_priors(const PriorOptions& options,
     const bool depth = in.depth || in.order, features = in.features || in.coarse_features;
     const bool wanted_at_all = depth || in.normal || features;
     if (!wanted_at_all && (!options.dir.empty() || options.source == PriorOptions::Source::disk))
-        spdlog::warn(
-            "priors are given, but no loss of this configuration asks for any: none is read");
+        spdlog::warn("Priors are given, but no loss of this configuration uses them");
     const bool from_disk = options.source == PriorOptions::Source::automatic ||
                            options.source == PriorOptions::Source::disk;
     if (!from_disk || !wanted_at_all) return;
@@ -158,7 +156,7 @@ void read_priors(const PriorOptions& options,
         if (in.confidence && !sources.confidence.empty()) note(fill_confidence(in, views));
         if (in.normal && !sources.normal.empty()) note(fill_normals(in, views));
         if (features && !sources.features.empty()) note(fill_features(in, views));
-        if (!found.empty()) spdlog::info("priors: {}", found);
+        if (!found.empty()) spdlog::info("Priors: {}", found);
     });
 }
 

@@ -19,15 +19,14 @@ struct PriorOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field.choice("source", source, {"auto", "none", "disk", "stereo"},
-                     "where depth and normals that losses ask for come from; auto: files beside "
-                     "the scene, and stereo for views that have none; disk: files, which have to "
-                     "be there");
-        field("dir", dir, "folder of the priors, in the scene or here; empty: looked for");
+                     "source of the depth and normals that losses use; auto: files beside the "
+                     "scene, stereo for views without; disk: files only, an error if missing");
+        field("dir", dir, "folder of the priors, in the scene or here; empty: search the scene");
         field.choice("quantity", quantity, {"auto", "depth", "inverse_depth", "log_depth"},
-                     "what the numbers of depth maps are; auto: what fits the points");
+                     "quantity in the depth maps; auto: the one that fits the points");
         field("max_residual", max_residual, {1e-4, 10},
-              "median error of a fitted depth map against the points, in shares of the depth; "
-              "a view above is left out");
+              "largest median error of a fitted depth map, as a share of the depth; a view above "
+              "it is ignored");
     }
 };
 

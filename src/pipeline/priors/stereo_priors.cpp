@@ -204,11 +204,11 @@ void make_stereo_priors(const DeviceChoice& device,
         return;
     std::vector<StereoMaps> found = std::move(start.maps);
     if (found.empty()) {
-        spdlog::info("terms ask for priors that the scene does not have: stereo makes them");
-        found =
-            with_context("making priors (without the losses that ask for them none are made)", [&] {
-                return run_stereo(device, views, start.points, stereo);
-            }).maps;
+        spdlog::info("Losses need priors that the scene lacks: stereo makes them");
+        found = with_context(
+                    "making priors (set the weights of the losses that use them to 0 to avoid it)",
+                    [&] { return run_stereo(device, views, start.points, stereo); })
+                    .maps;
     }
     std::size_t known = 0, pixels = 0;
     for (const StereoMaps& maps : found) {
@@ -217,12 +217,12 @@ void make_stereo_priors(const DeviceChoice& device,
             std::count_if(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; }));
     }
     if (known == 0)
-        throw Error(ExitCode::input,
-                    str("terms ask for priors, and stereo found no depth in ", views.size(),
-                        " views; give priors with the scene, or set the weights of these losses "
-                        "to 0"));
+        throw Error(
+            ExitCode::input,
+            str("losses need priors, but stereo found no depth in ", views.size(),
+                " views; give priors with --priors, or set the weights of these losses to 0"));
     add_stereo_priors(found, wanted, views);
-    spdlog::info("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
+    spdlog::info("Priors by stereo: measured {:.0f} % of the pixels, filled in the rest",
                  100.0 * static_cast<double>(known) / static_cast<double>(pixels));
 }
 

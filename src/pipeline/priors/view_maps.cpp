@@ -44,12 +44,11 @@ void complete_maps(const LossOptions& options,
     if (!missing.empty()) {
         std::string what;
         for (const MissingMap& m : missing)
-            what +=
-                str(what.empty() ? "" : ", ", "loss.", m.term, " compares with map '", m.map, "'");
-        throw Error(ExitCode::usage,
-                    str(what, "; none of the ", views.size(),
-                        " training views has that; give priors that bring it, or set the weight "
-                        "to 0"));
+            what += str(what.empty() ? "" : ", ", "loss.", m.term, " needs map '", m.map, "'");
+        throw Error(
+            ExitCode::usage,
+            str(what, ", which none of the ", views.size(),
+                " training views has; give such priors with --priors, or set the weight to 0"));
     }
     if (!describe) return;
     // Coarse features without fine ones would be of another kind.
@@ -58,8 +57,8 @@ void complete_maps(const LossOptions& options,
                       [](const ViewMap& map) { return map.name == prior_map::kCoarseFeatures; });
     const std::int64_t bytes = add_descriptors(descriptors.kind, views);
     spdlog::info(
-        "no view has features: descriptors of the photographs without a network "
-        "(descriptors.kind = {}) take their place, {} MiB",
+        "No priors with features: uses descriptors of the photographs (descriptors.kind = {}), {} "
+        "MiB",
         descriptors.kind == Descriptor::orient ? "orient32" : "census32", bytes >> 20);
 }
 

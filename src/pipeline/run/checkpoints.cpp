@@ -121,7 +121,7 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place) {
             return point;
         } catch (const Error& error) {
             if (error.code() != ExitCode::input) throw;
-            spdlog::warn("{}; looking for the one before", error.what());
+            spdlog::warn("{}; trying the one before", error.what());
             if (!first) first = error;
         }
     if (first) throw *first;
@@ -131,13 +131,11 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place) {
 void adopt_scene(const ResumePoint& point, Scene& scene) {
     if (value_of<std::uint32_t>(*point.state, "run.views") != views_id(scene))
         throw Error(ExitCode::input,
-                    str(point.file,
-                        ": is the checkpoint of another scene: its training views have "
-                        "other names or poses than the ",
-                        scene.train.size(), " of ", scene.path,
-                        "; give the scene and the views it was trained with"));
+                    str(point.file, ": checkpoint of another scene: other names or poses than the ",
+                        scene.train.size(), " training views of ", scene.path,
+                        "; give the scene and views of the training"));
     if (value_of<std::uint32_t>(*point.state, "run.photos") != photos_id(scene))
-        spdlog::warn("{}: the photographs of {} are not those of the checkpoint", point.file,
+        spdlog::warn("{}: the photographs in {} have changed since this checkpoint", point.file,
                      scene.path);
     scene.points = {};
     scene.points.positions = values_of<Vec3f>(*point.state, "run.points");
@@ -198,7 +196,7 @@ std::optional<std::string> CheckpointWriter::finish() {
     if (writing_.valid()) {
         failure_ = writing_.get();
         if (!failure_.empty())
-            spdlog::warn("checkpoint not saved: {}; the older ones stay", failure_);
+            spdlog::warn("Checkpoint not saved: {}; older ones are kept", failure_);
     }
     if (file_.empty() || !failure_.empty()) return std::nullopt;
     return file_;

@@ -59,7 +59,7 @@ ChildProcess::ChildProcess(const Command& command) {
                              environment = environment_with(command.environment);
     const std::vector<char*> argv = pointers_to(words), envp = pointers_to(environment);
     int ends[2];
-    if (pipe2(ends, O_CLOEXEC) != 0) throw system_error("no pipe for " + words[0]);
+    if (pipe2(ends, O_CLOEXEC) != 0) throw system_error("cannot make a pipe for " + words[0]);
     const pid_t parent = getpid();
     pid_ = fork();
     if (pid_ == 0) become(argv.data(), envp.data(), ends[1], parent, command.own_group);
@@ -68,7 +68,7 @@ ChildProcess::ChildProcess(const Command& command) {
     if (pid_ < 0) {
         close(ends[0]);
         errno = error;
-        throw system_error("no process for " + words[0]);
+        throw system_error("cannot start " + words[0]);
     }
     output_ = ends[0];
     fcntl(output_, F_SETFL, O_NONBLOCK);
@@ -119,7 +119,7 @@ void ChildProcess::send(int signal) const {
 LineLog::LineLog(std::string path)
     : path_(std::move(path)),
       file_(open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666)) {
-    if (file_ < 0) throw system_error(path_ + ": cannot be written");
+    if (file_ < 0) throw system_error(path_ + ": cannot write it");
 }
 
 LineLog::~LineLog() {

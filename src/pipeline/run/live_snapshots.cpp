@@ -52,7 +52,7 @@ void LiveSnapshots::write(int iteration, int iterations, double seconds, Gaussia
     try {
         if (writing_.valid()) writing_.get();
     } catch (const std::exception& error) {
-        spdlog::warn("{}; there are no more snapshots for tvsgs-view", error.what());
+        spdlog::warn("{}; tvsgs-view gets no more snapshots of this training", error.what());
         every_ = 0;
         return;
     }
@@ -71,7 +71,7 @@ void LiveSnapshots::finish() {
         try {
             writing_.get();
         } catch (const std::exception& error) {
-            spdlog::warn("{}: the last snapshot for tvsgs-view is missing", error.what());
+            spdlog::warn("{}; tvsgs-view lacks the last snapshot", error.what());
         }
     }
     if (written_) remove_files();

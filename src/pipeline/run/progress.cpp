@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "core/grouped.h"
 #include "io/files/json_value.h"
 #include "optim/loop/schedule.h"
 
@@ -76,9 +77,10 @@ std::string TrainProgress::text(const TrainReport& report) {
         std::snprintf(more, sizeof more, "  %.1f it/s", (iterations_ - report.step) / left);
         line += more;
     }
-    std::snprintf(more, sizeof more, "  %d/%d  loss %.5f  %d splats  %ld MiB", report.step,
-                  iterations_, report.loss, report.gaussians,
-                  static_cast<long>(report.memory.current_bytes >> 20));
+    std::snprintf(more, sizeof more, "  %s/%s  loss %.5f  %s splats  %s MiB",
+                  grouped(report.step).c_str(), grouped(iterations_).c_str(), report.loss,
+                  grouped(report.gaussians).c_str(),
+                  grouped(report.memory.current_bytes >> 20).c_str());
     return line + more;
 }
 

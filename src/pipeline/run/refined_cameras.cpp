@@ -55,7 +55,7 @@ void adopt_refined_cameras(const std::string& run, Scene& scene) {
                                              vec_cast<float>(T.t + T.R * scene.origin)};
             ++refined;
         }
-    spdlog::info("{}: {} of {} training views are where the run has moved them", folder, refined,
+    spdlog::info("{}: uses refined poses for {} of {} training views", folder, refined,
                  scene.train.size());
 }
 
@@ -82,10 +82,10 @@ std::string camera_moves_text(const CameraRefinement& refined) {
         most.shift_px = std::max(most.shift_px, move.shift_px);
     }
     char text[200];
-    std::snprintf(text, sizeof text,
-                  "refined poses: turned by %.2f px in the mean (at most %.2f), shifted by %.2f px "
-                  "(%.2f)",
-                  sum.turn_px, most.turn_px, sum.shift_px, most.shift_px);
+    std::snprintf(
+        text, sizeof text,
+        "Refined poses: turned by %.2f px (mean; max %.2f), shifted by %.2f px (max %.2f)",
+        sum.turn_px, most.turn_px, sum.shift_px, most.shift_px);
     return text;
 }
 

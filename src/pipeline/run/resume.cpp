@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 
 namespace tvsgs {
@@ -13,9 +14,7 @@ Resume open_resume(const std::string& given, std::string& out, OptionTable& tabl
     resume.asked = true;
     const std::string place = given.empty() ? out : given;
     std::error_code code;
-    if (place.empty())
-        throw Error(ExitCode::usage,
-                    "--resume: no run given; expected --resume RUN, or --out RUN with it");
+    if (place.empty()) throw Error(ExitCode::usage, "--resume: no run given; give --resume RUN");
     if (!given.empty() || fs::is_directory(place, code)) resume.point = open_checkpoint(place);
     const std::string run = resume.point ? resume.point->run : place;
     if (out.empty()) out = run;
@@ -36,30 +35,27 @@ bool is_configured(const Resume& resume, const std::string& out) {
 
 void require_nothing_lost(const Resume& resume, const std::string& out) {
     if (!resume.in_place() || resume.point || !holds_splats(out)) return;
-    throw Error(
-        ExitCode::usage,
-        str("--resume: ", out,
-            " has splats and no checkpoint (--checkpoint-every 0, or one that was lost), so "
-            "it cannot go on; expected another run, or --overwrite, which removes this one "
-            "and starts from the beginning"));
+    throw Error(ExitCode::usage,
+                str("--resume: ", out,
+                    " has splats but no checkpoint, so it cannot continue; give another run, or "
+                    "--overwrite to remove it and start from the beginning"));
 }
 
 void require_iterations_left(const Resume& resume, int iterations) {
     if (!resume.point || iterations > resume.done()) return;
     throw Error(ExitCode::usage,
-                str(resume.point->file, ": ", resume.done(),
-                    " iterations are done; expected more than that in all, such as --iterations ",
-                    2 * resume.done()));
+                str(resume.point->file, ": already trained for ", grouped(resume.done()),
+                    " iterations; give more, such as --iterations ", 2 * resume.done()));
 }
 
 void require_same_backbone(const Resume& resume, const std::string& backbone) {
     if (!resume.point) return;
     for (const auto& [key, value] : resume.configured)
         if (key == "backbone" && value != backbone)
-            throw Error(ExitCode::usage,
-                        str(resume.point->file, ": its splats are those of backbone '", value,
-                            "', and the run is to go on with '", backbone, "'; expected backbone ",
-                            value, ", or a new run (without --resume)"));
+            throw Error(ExitCode::usage, str(resume.point->file, ": splats of backbone '", value,
+                                             "', but the configuration has '", backbone,
+                                             "'; give --set backbone=", value,
+                                             ", or start a new run without --resume"));
 }
 
 void log_resume(const Resume& resume, const JsonValue& changed, RunFolder& run) {
@@ -72,10 +68,10 @@ void log_resume(const Resume& resume, const JsonValue& changed, RunFolder& run) 
                     .add("seconds", point.seconds)
                     .add("checkpoint", point.file)
                     .add("changed", changed));
-        spdlog::info("{}: {} iterations are done; changed since: {}", point.file, point.done,
-                     json_text(changed));
+        spdlog::info("{}: {} iterations are done; changed since: {}", point.file,
+                     grouped(point.done), json_text(changed));
     } else if (resume.asked) {
-        spdlog::info("{}: no checkpoint yet, so the run starts from the beginning", run.path());
+        spdlog::info("{}: no checkpoint yet; starts from the beginning", run.path());
     }
 }
 

@@ -61,15 +61,14 @@ void require_outside_of_pictures(const std::string& out, const SceneOptions& sce
                                     std::string("mask"), std::string("masks")})
         if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
             throw Error(ExitCode::usage,
-                        str("--out ", out, ": lies among the pictures of the scene, ",
-                            (fs::path(scene.path) / name).string(), "; name another place"));
+                        str("--out ", out, ": lies inside the photographs of the scene, ",
+                            (fs::path(scene.path) / name).string(), "; choose another folder"));
 }
 
 }  // namespace
 
 void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
-                    const std::string& why,
                     const SceneOptions& scene) {
     if (is_stream(out)) return;
     const std::string found = fs::path(out).extension();
@@ -81,7 +80,8 @@ void require_output(const std::string& out,
                                                         : ", ",
                             *e);
         throw Error(ExitCode::usage,
-                    str("--out ", out, ": ", why, "; expected a name that ends in ", expected));
+                    str(out, ": ", found.empty() ? "no ending" : str("unknown ending ", found),
+                        "; use ", expected));
     }
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
@@ -92,10 +92,10 @@ void require_output(const std::string& out,
     while (!fs::exists(folder, code) && folder != folder.parent_path())
         folder = folder.parent_path();
     if (!fs::is_directory(folder, code))
-        throw Error(ExitCode::io, str("--out ", out, ": ", folder.string(), " is no folder"));
+        throw Error(ExitCode::io, str("--out ", out, ": ", folder.string(), " is not a folder"));
     if (::access(folder.c_str(), W_OK) != 0)
-        throw Error(ExitCode::io, str("--out ", out, ": nothing can be written in ",
-                                      folder.string(), ": ", std::strerror(errno)));
+        throw Error(ExitCode::io, str("--out ", out, ": cannot write in ", folder.string(), ": ",
+                                      std::strerror(errno)));
 }
 
 void require_free_run_folder(const std::string& path,
@@ -105,41 +105,39 @@ void require_free_run_folder(const std::string& path,
     std::error_code code;
     if (fs::equivalent(path, scene.path, code))
         throw Error(ExitCode::usage,
-                    str(path, ": is the scene; name another folder for the run with --out"));
+                    str(path, ": this is the scene; choose another folder with --out"));
     if (fs::equivalent(path, "/", code))
         throw Error(ExitCode::usage,
-                    str(path, ": is the root of all folders; name another for the run with --out"));
+                    str(path, ": this is the root folder; choose another one with --out"));
     require_outside_of_pictures(path, scene);
     const std::string config = (fs::path(path) / "config.json").string();
     if (!fs::exists(config, code)) {
         if (has_manifest(path) && holds_listed_files(path))
-            throw Error(ExitCode::usage,
-                        str(path,
-                            ": holds something else than a run, such as a scene of tvsgs-synth; "
-                            "name another folder with --out"));
+            throw Error(ExitCode::usage, str(path,
+                                             ": holds other results, such as a scene of "
+                                             "tvsgs-synth; choose another folder with --out"));
         for (const std::string_view entry : kEntries)
             if (holds_work(fs::path(path) / entry))
-                throw Error(ExitCode::usage,
-                            str(path, ": holds ", entry,
-                                ", which a run would replace, and no run (config.json); expected "
-                                "an empty or new folder; name another with --out"));
+                throw Error(
+                    ExitCode::usage,
+                    str(path, ": not a run folder (no config.json), but it has ", entry,
+                        ", which a run would replace; choose an empty or new folder with --out"));
         return;
     }
     if (!replace && !go_on)
-        throw Error(ExitCode::usage,
-                    str(path,
-                        ": holds another run (config.json); expected an empty or new folder; "
-                        "name another with --out, or replace that run with --overwrite"));
+        throw Error(ExitCode::usage, str(path,
+                                         ": holds another run; choose a new folder with --out, or "
+                                         "replace the run with --overwrite"));
     // Overwriting removes files: never those of another program.
     if (read_bytes(config).find("\"version\": \"tvsgs") == std::string::npos)
         throw Error(ExitCode::usage, str(config,
-                                         ": was not written by tvsgs-train, so its folder is not "
-                                         "overwritten; name another with --out"));
+                                         ": tvsgs-train did not write it, so the folder is not "
+                                         "overwritten; choose another with --out"));
     if (!has_manifest(path))
         throw Error(ExitCode::usage,
                     str(path,
-                        ": lacks the list of its files (.tvsgs-files), so yours cannot be told "
-                        "from them; copy it with that list, or name another folder with --out"));
+                        ": no list of our files (.tvsgs-files), so yours could be lost; copy the "
+                        "run with that list, or choose another folder with --out"));
 }
 
 namespace {
@@ -195,8 +193,8 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
         close(lock_);
         throw Error(ExitCode::usage, str(path,
-                                         ": another tvsgs-train is writing there; wait for "
-                                         "it, or name another folder with --out"));
+                                         ": another tvsgs-train writes there; wait for it, or "
+                                         "choose another folder with --out"));
     }
     const bool go_on = done >= 0;
     if (!code) remove_leftovers(folder);
@@ -211,7 +209,7 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     if (log_ == nullptr)
         throw Error(ExitCode::io, str(path, ": cannot write there: ",
                                       code ? code.message() : std::strerror(errno),
-                                      "; name a writable folder with --out"));
+                                      "; choose another folder with --out"));
 }
 
 RunFolder::~RunFolder() {
@@ -306,10 +304,9 @@ std::string find_splats(const std::string& path) {
     if (fs::is_regular_file(path, code)) return path;
     const int best = newest_splats(path);
     if (best < 0)
-        throw Error(ExitCode::input,
-                    str(path,
-                        ": no splats found; expected a splat PLY or a run folder with "
-                        "point_cloud/iteration_N/point_cloud.ply"));
+        throw Error(ExitCode::input, str(path,
+                                         ": no splats; expected a splat PLY, or a run folder with "
+                                         "point_cloud/iteration_N/point_cloud.ply"));
     return str((fs::path(path) / "point_cloud").string(), "/iteration_", best, "/point_cloud.ply");
 }
 
@@ -333,18 +330,16 @@ Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOpt
         throw Error(ExitCode::input,
                     str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
                         train.backbone,
-                        "' draws ellipsoids; expected scale_2, too, or --set backbone=X with one "
-                        "that draws discs (",
+                        "' draws ellipsoids; give --set backbone=X, X one of those for discs (",
                         backbones_of(true), ")"));
     if (flat && scales == PlyScales::three && !are_thin(splats))
         throw Error(ExitCode::input,
                     str("E_PLY_SCALES: ", file,
                         ": ellipsoids (splats with three scales), but backbone '", train.backbone,
-                        "' draws discs; expected two scales, or --set backbone=X with one that "
-                        "draws ellipsoids (",
+                        "' draws discs; give --set backbone=X, X one of those for ellipsoids (",
                         backbones_of(false), ")"));
     if (splats.size() == 0)
-        throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
+        throw Error(ExitCode::input, str(file, ": no usable splats; expected at least one"));
     return splats;
 }
 
@@ -366,9 +361,9 @@ std::string run_config_path(const std::string& path) {
     const std::string config = path + "/config.json";
     std::error_code code;
     if (!fs::is_regular_file(config, code))
-        throw Error(
-            ExitCode::input,
-            str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
+        throw Error(ExitCode::input, str(path,
+                                         ": no run here yet (no config.json); if training has just "
+                                         "begun, wait for its first step"));
     return config;
 }
 
@@ -394,22 +389,20 @@ void require_scene_of_run(const std::string& run, const Scene& scene) {
             }
     if (same == 0) {
         if (!centres.empty())
-            spdlog::warn(
-                "{}: none of its views was in the training of {}: taken to be in the same frame",
-                scene.path, run);
+            spdlog::warn("{}: shares no views with the training of {}; assumes the same frame",
+                         scene.path, run);
         return;
     }
     if (2 * elsewhere > same)
         throw Error(ExitCode::input,
-                    str(scene.path, ": is not the scene of ", run, ": of ", same,
-                        " views of the same names ", elsewhere,
-                        " stand elsewhere than in its cameras.json; expected the scene that it was "
-                        "trained on, in the same frame"));
+                    str(scene.path, ": not the scene of ", run, ": ", elsewhere, " of ", same,
+                        " views have other poses than in its cameras.json; give the scene of the "
+                        "training, in the same frame"));
 }
 
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
     return with_context(
-        str("looking for the scene of ", path, " (--scene DIR names another place)"), [&] {
+        str("reading the scene of ", path, " (for another folder give --scene DIR)"), [&] {
             SceneOptions of_run = options;
             std::error_code code;
             of_run.scratch =

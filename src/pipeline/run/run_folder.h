@@ -24,12 +24,11 @@ void require_free_run_folder(const std::string& path,
                              const SceneOptions& scene);
 
 /// Throws Error(ExitCode::usage) unless the file `out` may be written: its name ends in one of
-/// `extensions`, which select the format (`why`: for the message); it does not lie among the
-/// scene's photographs or masks; and it replaces only files of ours. A stream (is_stream()) may
-/// have any name. Throws Error(ExitCode::io) where its folder is not writable.
+/// `extensions`, it does not lie among the scene's photographs or masks, and it replaces only files
+/// of ours. A stream (is_stream()) may have any name. Throws Error(ExitCode::io) where its folder is
+/// not writable.
 void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
-                    const std::string& why,
                     const SceneOptions& scene);
 
 /// Whether `path` is `folder` or lies in it; follows links.

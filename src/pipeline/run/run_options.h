@@ -21,8 +21,8 @@ struct OutputOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field.choice("ply_scales", ply_scales, {"auto", "three"},
-                     "scales of the splats in PLY files; auto: two where the rasteriser draws "
-                     "discs; three: with a thin third one, for viewers of 3DGS");
+                     "scales per splat in PLY files; auto: two if the rasteriser draws discs; "
+                     "three: with a thin third one, for viewers of 3DGS");
     }
 };
 

@@ -30,7 +30,7 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double 
     if (text.empty()) return;
     if (every_ > 0)
         throw Error(ExitCode::usage, str("--eval-at ", text, " and --eval-every ", every_,
-                                         ": expected one of them (eval.at, eval.every)"));
+                                         " exclude each other; give one (eval.at, eval.every)"));
     const bool goes_on = text.ends_with(",...");
     if (goes_on) text.resize(text.size() - 4);
     at_ = parse_numbers("--eval-at", text);
@@ -62,7 +62,7 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
               std::pair("--eval-mesh", std::string(options.mesh ? "true" : ""))})
             if (!value.empty())
                 throw Error(ExitCode::usage,
-                            str(flag, " ", value, ": needs the true surface; give --gt FILE"));
+                            str(flag, " ", value, ": needs --gt FILE, the true surface"));
         return std::nullopt;
     }
     Truth truth;

@@ -25,20 +25,23 @@ struct EvaluationOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("at", at,
-              "seconds of training after which to evaluate: 5,10,20; a last '...' goes on by the "
-              "last ratio");
+              "seconds of training at which to evaluate, such as 5,10,20; a final '...' repeats "
+              "the last ratio; empty: none");
         field("every", every, {0, 1e9}, "iterations between evaluations; 0: none");
-        field("gt", gt, "mesh or cloud (PLY): the true surface, in the scene's frame");
-        field("visible_gt", visible_gt, "part of it that completeness and recall ask for");
-        field("crop", crop, "selection volume, {\"box\": ...} or a scene's gt/info.json");
+        field("gt", gt,
+              "true surface, mesh or cloud (PLY), in the frame of the scene; empty: none");
+        field("visible_gt", visible_gt,
+              "part of the true surface that the views see, for completeness and recall; empty: "
+              "all of it");
+        field("crop", crop,
+              "selection volume, {\"box\": ...} or gt/info.json of a scene; empty: none");
         field("taus", taus,
-              "thresholds T,T,... of precision, recall and F1; empty: 0.5, 1 and 2 % of the "
-              "truth's size");
-        field("max_distance", max_distance, {0, 1e9}, "distances are capped there; 0: not");
+              "thresholds T,T,... of precision, recall and F1, world units; empty: 0.5, 1 and 2 % "
+              "of the size of the truth");
+        field("max_distance", max_distance, {0, 1e9}, "cap of distances, world units; 0: none");
         field("point_samples", point_samples, {0, 1e8},
-              "0: distances to the triangles of meshes; else to so many points on each, which is "
-              "biased");
-        field("mesh", mesh, "measure the mesh as well as the centres; takes as long as making it");
+              "points on each mesh to measure distances to, biased; 0: distances to its triangles");
+        field("mesh", mesh, "measure the mesh, too; extracts it at every evaluation");
     }
 };
 
@@ -136,13 +139,13 @@ Evaluation evaluate(int step,
         line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
         if (have_masks(views)) line.add("psnr_masked", scores.mean_masked.psnr);
         result.psnr = psnr_trained(scores, options);
-        spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
+        spdlog::info("After {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
                      scores.mean_ssim);
     }
     if (truth) {
         const auto add = [&](const char* what, const PointScores& scores) {
             line.add(what, scores.json);
-            spdlog::info("after {:.1f} s, {}: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, what,
+            spdlog::info("After {:.1f} s, {}: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, what,
                          scores.chamfer, scores.f1, scores.tau);
         };
         add("centres", score_points(to_host(gaussians.means), *truth, false));

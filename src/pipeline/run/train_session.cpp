@@ -1,5 +1,6 @@
 #include "pipeline/run/train_session.h"
 
+#include "core/grouped.h"
 #include "core/log.h"
 #include "io/splats/ply.h"
 #include "optim/growth/fixed_splats.h"
@@ -115,12 +116,15 @@ void TrainSession<Device>::run() {
     run_.remove_splats_of_stops(done_);
     write_results(trained, seconds);
     in_.write_report();
-    spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
-                 splats.size(), done_, seconds, memory_use(Device{}).peak_bytes >> 20, run_.path());
+    spdlog::info(
+        "Trained {} splats in {} iterations and {:.1f} s, peak memory {} MiB; run folder {}",
+        grouped(splats.size()), grouped(done_), seconds,
+        grouped(memory_use(Device{}).peak_bytes >> 20), run_.path());
     if (!checkpoints_.failure().empty())
-        throw Error(ExitCode::io,
-                    str(run_.path(), ": the run is finished and whole, but cannot be extended: ",
-                        "its last checkpoint was not saved: ", checkpoints_.failure()));
+        throw Error(ExitCode::io, str(run_.path(),
+                                      ": the run is complete, but --resume cannot extend it: the "
+                                      "last checkpoint was not saved: ",
+                                      checkpoints_.failure()));
 }
 
 template <class Device>
@@ -128,10 +132,8 @@ void TrainSession<Device>::say_what_is_scored() const {
     const std::vector<View>& views = in_.scene.test;
     if (training_.loss.photometric.masks == MaskUse::object && have_masks(views) &&
         !has_object(views))
-        spdlog::warn(
-            "no mask of the {} test views has a pixel of the object: the training goes by the PSNR "
-            "of their whole images",
-            views.size());
+        spdlog::warn("All masks of the {} test views are empty: PSNR is measured on whole images",
+                     views.size());
 }
 
 template <class Device>
@@ -142,8 +144,8 @@ Gaussians<Device> TrainSession<Device>::train_or_explain() {
         end_progress_line();
         const auto last = checkpoints_.finish();
         if (!last) throw;
-        throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
-                                      "; --resume goes on from there"));
+        throw Error(error.code(),
+                    str(error.what(), "\n  --resume continues from the last checkpoint, ", *last));
     }
 }
 
@@ -259,8 +261,9 @@ void TrainSession<Device>::fit_to_budget() {
                  .add("iteration", done_)
                  .add("seconds", progress_.seconds())
                  .add("iterations", training_.iterations));
-    spdlog::info("after {:.1f} s: {} iterations in all for {:g} s", progress_.seconds(),
-                 training_.iterations, static_cast<double>(in_.options.plan.time_budget));
+    spdlog::info("Fitted the schedule to {2:g} s: {1} iterations in all, {0:.1f} s so far",
+                 progress_.seconds(), grouped(training_.iterations),
+                 static_cast<double>(in_.options.plan.time_budget));
 }
 
 template <class Device>
@@ -269,10 +272,9 @@ void TrainSession<Device>::settle_budget(double seconds) {
     if (!(asked > 0) || done_ != training_.iterations) return;
     if (took > 1.1 * asked)
         spdlog::warn(
-            "the training took {:.1f} s instead of {:g}: {} iterations are the fewest "
-            "that its first seconds let foresee; give it more time, or smaller images "
-            "(-r)",
-            took, asked, done_);
+            "Time budget exceeded: {:.1f} s instead of {:g} s for {} iterations; give more time, "
+            "or smaller images (-r)",
+            took, asked, grouped(done_));
     // The configuration as run, so that it can be repeated.
     in_.options.plan.time_budget = 0;
     run_.save_config(in_.config());
@@ -283,9 +285,9 @@ void TrainSession<Device>::warn_of_few(int splats) const {
     const std::size_t first = in_.scene.points.positions.size();
     if (static_cast<std::size_t>(splats) < first / 100)
         spdlog::warn(
-            "of {} initial points {} splats are left: learning rates (lr.*) or pruning "
+            "Only {1} splats are left of {0} start points: learning rates (lr.*) or pruning "
             "(densify.*) do not suit this scene",
-            first, splats);
+            grouped(first), grouped(splats));
 }
 
 template <class Device>
@@ -293,14 +295,16 @@ void TrainSession<Device>::say_how_it_ended(double seconds) {
     const auto last = checkpoints_.finish();
     const Convergence& convergence = scores_.convergence();
     if (convergence.over())
-        spdlog::info("converged: PSNR {:.2f} dB after {:.1f} s has not been exceeded by {:.1f} s",
-                     convergence.best(), convergence.best_at(), seconds);
+        spdlog::info(
+            "Converged: the best PSNR, {:.2f} dB, was reached after {:.1f} s; stopped after {:.1f} "
+            "s",
+            convergence.best(), convergence.best_at(), seconds);
     else if (done_ < training_.iterations) {
-        spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", done_,
-                     training_.iterations, run_.path());
+        spdlog::warn("Stopped after {} of {} iterations; the splats are in {}", grouped(done_),
+                     grouped(training_.iterations), run_.path());
         run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
         if (!last) throw Error(ExitCode::io, checkpoints_.failure());
-        spdlog::warn("tvsgs-train --resume {} goes on", run_.path());
+        spdlog::warn("Continue with:\n    tvsgs-train --resume {}", run_.path());
     }
 }
 
@@ -309,7 +313,7 @@ void TrainSession<Device>::save_refined_cameras() const {
     place_cameras(refined_->cameras());
     write_refined_cameras(run_.path(), in_.scene);
     run_.save_cameras(in_.scene);
-    spdlog::info("{}; {}/cameras", camera_moves_text(*refined_), run_.path());
+    spdlog::info("{}; cameras: {}/cameras", camera_moves_text(*refined_), run_.path());
 }
 
 template <class Device>
@@ -342,15 +346,17 @@ void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
         evaluate_views(drawn, in_.scene.test, training_, run_.path(), {.masked = masked});
     summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
     if (masked) summary.add("psnr_masked", scores.mean_masked.psnr);
-    spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
-                 scores.mean_psnr, scores.mean_ssim, views, run_.path());
-    if (masked) spdlog::info("inside of their masks: PSNR {:.2f} dB", scores.mean_masked.psnr);
+    spdlog::info(
+        "{} test photographs: PSNR {:.2f} dB{}, SSIM {:.4f}; pictures: {}/test", views,
+        scores.mean_psnr,
+        masked ? fmt::format(" (on the object only {:.2f} dB)", scores.mean_masked.psnr) : "",
+        scores.mean_ssim, run_.path());
     const double psnr = psnr_trained(scores, training_);
     if (psnr < scores_.best_psnr() - kClearlyWorse)
         spdlog::warn(
-            "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "
-            "on for too long, or grew too much; try --iterations {}, --until converged or "
-            "--set densify.enabled=false",
+            "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB now: the training was too "
+            "long, or grew too many splats; try --iterations {}, --until converged or --set "
+            "densify.enabled=false",
             scores_.best_psnr(), scores_.best_step(), psnr, scores_.best_step());
 }
 

@@ -42,7 +42,7 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
                        const ViewScoring& scoring = {}) {
     auto backbone = make_backbone<Device>(options.backbone, options.render);
     ViewScorer scorer(scoring);
-    Progress progress("scores of the views", double(views.size()));
+    Progress progress("scores of the test views", double(views.size()));
     for (const View& view : views) {
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
                                                Maps::color | kGeometryMaps);

@@ -54,11 +54,9 @@ void read_exposures(PhotometricOptions& options, const std::vector<View>& train)
     if (run.empty()) return;
     const std::string file = file_of(run);
     if (!has_exposures(run))
-        throw Error(ExitCode::input,
-                    str(run,
-                        ": has no exposure.json; loss.photometric.exposure_from expects a finished "
-                        "run that has fitted the exposure of its photographs "
-                        "(loss.photometric.exposure=true)"));
+        throw Error(ExitCode::input, str(run,
+                                         ": no exposure.json; loss.photometric.exposure_from needs "
+                                         "a finished run with loss.photometric.exposure=true"));
     const JsonValue root = parse_json_value(read_bytes(file), file);
     if (root["version"].number_or(-1) != kVersion1)
         throw Error(ExitCode::input, str(file, ": expected version 1 of exposures"));
@@ -69,15 +67,15 @@ void read_exposures(PhotometricOptions& options, const std::vector<View>& train)
         const auto found = of_name.find(view.name);
         if (found == of_name.end())
             throw Error(ExitCode::input,
-                        str(file, ": has no exposure of ", view.name, ", one of ", train.size(),
-                            " training views; expected a run of a scene with all of them "
+                        str(file, ": no exposure of ", view.name, ", one of ", train.size(),
+                            " training views; give a run with all of them "
                             "(loss.photometric.exposure_from)"));
         if (!read_values(*found->second, held.emplace_back()))
             throw Error(ExitCode::input, str(file, ": ", view.name, ": expected ", kExposureValues,
                                              " numbers between -10 and 10"));
     }
     options.held = std::make_shared<const HeldExposures>(std::move(held));
-    spdlog::info("exposure of {} photographs is held as {} has fitted it", train.size(), run);
+    spdlog::info("Uses the exposures that {1} fitted, for {0} photographs", train.size(), run);
 }
 
 }  // namespace tvsgs

@@ -7,6 +7,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/point_tree.h"
 #include "eval/registration.h"
@@ -232,9 +233,10 @@ void read_fixed_points(const RunOptions& options, Scene& scene) {
     const TvOptions& tv = options.train.tv;
     if (tv.fixed_voters.empty()) return;
     if (!tv.enabled)
-        throw Error(ExitCode::usage, str(tv.fixed_voters,
-                                         ": measured points vote, but tv.enabled is false; set it "
-                                         "to true, or leave out --fixed-points"));
+        throw Error(
+            ExitCode::usage,
+            str(tv.fixed_voters,
+                ": measured points need tv.enabled=true; set it, or remove --fixed-points"));
     scene.fixed_voters = read_mesh(tv.fixed_voters, scene.origin, false).points;
     // Validate before the run exists, and with the file's point numbers.
     make_fixed_voters(scene.fixed_voters, tv);
@@ -249,7 +251,7 @@ void read_fixed_splats(const RunOptions& options, Scene& scene) {
         return std::make_shared<const Gaussians<Cpu>>(
             read_splats(file, scene.origin, options.train));
     });
-    spdlog::info("{}: {} splats are drawn and stay as they are", file, scene.fixed_splats->size());
+    spdlog::info("{}: draws {} fixed splats", file, grouped(scene.fixed_splats->size()));
 }
 
 FixedPointsLook look_at_fixed_points(const Scene& scene) {
@@ -281,27 +283,25 @@ void check_fixed_points(const FixedPointsLook& look, std::size_t points, const s
     const bool elsewhere = look.better > look.agreeing + kBetter + chance;
     const std::string what_to_do =
         str(elsewhere ? str("; ", look.frame, " ", percent(look.better), " % would") : "",
-            ": bring it into the frame of the scene, with the same units and axes; "
-            "tv.fixed_check=false takes it as it is");
+            ": move it into the frame of the scene, with the same units and axes; "
+            "tv.fixed_check=false skips this check");
     if (look.in_two_views < kSeen)
         throw Error(ExitCode::input,
-                    str(path, ": ", percent(look.in_two_views), " % of its ", points,
-                        " points lie in front of two training cameras and inside their images; "
-                        "expected at least ",
+                    str(path, ": ", percent(look.in_two_views), " % of its ", grouped(points),
+                        " points are visible in two training views; expected at least ",
                         percent(kSeen), " %", what_to_do));
     if (look.tolerance_px == 0)
-        throw Error(ExitCode::input,
-                    str(path, ": ", look.compared, " of its ", points,
-                        " points could be held against the initial cloud; expected at least 20, "
-                        "nearer to each other than a fortieth of the depth",
-                        what_to_do));
+        throw Error(ExitCode::input, str(path, ": ", look.compared, " of its ", grouped(points),
+                                         " points could be compared with the start cloud; expected "
+                                         "at least 20, closer together than 1/40 of the depth",
+                                         what_to_do));
     if (look.agreeing < kAgreeing || elsewhere)
         throw Error(
             ExitCode::input,
-            str(path, ": of ", look.compared, " points held against the initial cloud ",
-                percent(look.agreeing), " % agree with it, to ",
+            str(path, ": ", percent(look.agreeing), " % of ", grouped(look.compared),
+                " points agree with the start cloud within ",
                 std::round(10 * look.tolerance_px) / 10, " pixels; expected at least ",
-                percent(kAgreeing), " %, and no frame that fits clearly better", what_to_do));
+                percent(kAgreeing), " %, and no other frame that fits clearly better", what_to_do));
 }
 
 std::size_t fill_with_fixed_points(Scene& scene) {

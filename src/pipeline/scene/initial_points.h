@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "pipeline/priors/stereo_priors.h"
 #include "pipeline/scene/fixed_points.h"
 #include "pipeline/scene/mask_use.h"
@@ -29,8 +30,8 @@ inline StereoStart prepare_points(const DeviceChoice& device,
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
     } else if (needs_stereo(options, scene)) {
-        spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
-                     scene.points.positions.size(), init.min_points);
+        spdlog::info("{} start points, fewer than init.min_points = {}: stereo makes a cloud",
+                     grouped(scene.points.positions.size()), grouped(init.min_points));
         try {
             StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
                                               stereo_cap(init.max_points));
@@ -40,8 +41,8 @@ inline StereoStart prepare_points(const DeviceChoice& device,
                 scene.points = std::move(found.cloud);
         } catch (const Error& error) {
             if (error.code() != ExitCode::input || scene.points.positions.empty()) throw;
-            spdlog::warn("{}; training starts from the {} points of the model", error.what(),
-                         scene.points.positions.size());
+            spdlog::warn("{}; training starts from the {} points of the scene", error.what(),
+                         grouped(scene.points.positions.size()));
         }
     }
     if (!scene.fixed_voters.positions.empty()) {
@@ -51,12 +52,12 @@ inline StereoStart prepare_points(const DeviceChoice& device,
         if (options.train.tv.fixed_check) {
             const FixedPointsLook look = look_at_fixed_points(scene);
             check_fixed_points(look, measured, file);
-            agreement = fmt::format("; {:.0f} % agree with the initial cloud, to {:.1f} pixels",
+            agreement = fmt::format("; {:.0f} % agree with the start cloud within {:.1f} pixels",
                                     100 * look.agreeing, look.tolerance_px);
         }
         const std::size_t added = fill_with_fixed_points(scene);
-        spdlog::info("{}: {} measured points vote{}; {} begin as splats, where the cloud is empty",
-                     file, measured, agreement, added);
+        spdlog::info("{}: {} measured points vote{}; {} become splats in gaps of the cloud", file,
+                     grouped(measured), agreement, grouped(added));
     }
     return stereo;
 }
@@ -66,8 +67,9 @@ inline void fit_near_plane(const Scene& scene, BackboneOptions& render) {
     const float usual = BackboneOptions{}.near, unit = guard_unit(scene);
     if (render.near != usual || unit >= 1) return;
     render.near = usual * unit;
-    spdlog::info("the scene is {:.3g} world units deep: render.near is {:.3g} instead of {:.3g}",
-                 unit, render.near, usual);
+    spdlog::info(
+        "The scene is {:.3g} world units deep: sets render.near to {:.3g} instead of {:.3g}", unit,
+        render.near, usual);
 }
 
 }  // namespace tvsgs

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "optim/growth/init_cloud.h"
 
@@ -28,14 +29,13 @@ void require_masks(const std::string& asked, const std::string& without, const M
     if (look.masked == 0)
         throw Error(ExitCode::input,
                     str("E_MASKS: ", asked,
-                        ", but no training view has a mask; expected mask/ or "
-                        "masks/ beside the photographs, an alpha channel, or --masks DIR"));
+                        ", but no training view has a mask; put mask/ or masks/ beside the "
+                        "photographs, use an alpha channel, or give --masks DIR"));
     if (!look.empty.empty())
-        throw Error(ExitCode::input, str("E_MASKS: ", asked, ", but the mask of ", look.empty,
-                                         " has no pixel of the object (", int{kObjectMask},
-                                         " and more); write masks as 0 and 255, leave "
-                                         "the view out, or ",
-                                         without));
+        throw Error(ExitCode::input,
+                    str("E_MASKS: ", asked, ", but the mask of ", look.empty,
+                        " is empty (no pixel of ", int{kObjectMask},
+                        " or more); write masks as 0 and 255, remove the view, or ", without));
 }
 
 void check_masks(const PhotometricOptions& options, const std::vector<View>& train) {
@@ -49,12 +49,11 @@ void check_masks(const PhotometricOptions& options, const std::vector<View>& tra
         str("loss.photometric.masks is ", use == MaskUse::object ? "object" : "ignore");
     require_masks(asked, "use --mask-use none", look);
     if (use == MaskUse::object && look.outside == 0)
-        throw Error(ExitCode::input,
-                    str("E_MASKS: ", asked,
-                        ", but the masks leave out nothing that the photographs show; expected "
-                        "masks in which 0 is not the object, or --mask-use ignore"));
+        throw Error(ExitCode::input, str("E_MASKS: ", asked,
+                                         ", but the masks cover the photographs completely; write "
+                                         "0 outside the object, or give --mask-use ignore"));
     if (look.masked < look.views)
-        spdlog::warn("{} of {} training views have no mask: all that they show is compared",
+        spdlog::warn("{} of {} training views have no mask; they are compared as a whole",
                      look.views - look.masked, look.views);
 }
 
@@ -73,7 +72,7 @@ std::size_t drop_background_points(const std::vector<View>& views, PointCloud& c
 void keep_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud) {
     if (use != MaskUse::object) return;
     if (const std::size_t dropped = drop_background_points(views, cloud))
-        spdlog::info("{} initial points lie outside of a mask and were dropped", dropped);
+        spdlog::info("Dropped {} start points outside the masks", grouped(dropped));
 }
 
 }  // namespace tvsgs

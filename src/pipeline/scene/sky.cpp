@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "io/images/image_file.h"
 #include "optim/growth/init_cloud.h"
@@ -32,7 +33,7 @@ SkyLook provide_sky(RunOptions& options, Scene& scene, RunPlan* plan) {
         points_before_sky(scene.train, look, scene.points.positions);
     if (const std::size_t dropped = scene.points.positions.size() - kept.size()) {
         scene.points = select_points(scene.points, kept);
-        spdlog::info("{} initial points lie in the sky and were dropped", dropped);
+        spdlog::info("Dropped {} start points in the sky", grouped(dropped));
     }
     if (!o.sky_from.empty())
         read_sky(o, o.sky_from);
@@ -57,14 +58,13 @@ void read_sky(PhotometricOptions& options, const std::string& run) {
     if (!has_sky_file(run))
         throw Error(ExitCode::input,
                     str(run,
-                        ": has no sky.png, but its background is a sky "
-                        "(loss.photometric.background); expected the folder of a run that "
-                        "was trained with one, as a whole"));
+                        ": no sky.png, but the background is a sky (loss.photometric.background); "
+                        "give the complete folder of a run trained with a sky"));
     ImageU8 sky = read_image(file, 3);
     if (sky.width != sky.height || sky.width < 2)
-        throw Error(ExitCode::input, str(file, ": is ", sky.width, "x", sky.height,
-                                         "; expected a square of 2 and more: the map of directions "
-                                         "that tvsgs-train has written"));
+        throw Error(ExitCode::input,
+                    str(file, ": ", sky.width, "x", sky.height,
+                        " pixels; expected the square map of directions that tvsgs-train writes"));
     options.sky = std::make_shared<const ImageU8>(std::move(sky));
 }
 

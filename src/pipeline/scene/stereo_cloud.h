@@ -6,6 +6,7 @@
 
 #include "core/device/device_choice.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/scene.h"
 #include "mvs/stereo/patch_match.h"
@@ -28,9 +29,9 @@ inline StereoResult run_stereo(const DeviceChoice& device,
                                const StereoOptions& options) {
     if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
         throw Error(ExitCode::usage,
-                    str("stereo.min_consistent = ", options.min_consistent, ": of ", views.size(),
-                        " views a depth has ", views.size() - 1,
-                        " others to confirm it; give that at most, or 0"));
+                    str("stereo.min_consistent = ", options.min_consistent, ": with ", views.size(),
+                        " views a depth has only ", views.size() - 1,
+                        " other views to confirm it; give at most that, or 0"));
     return on_device(device,
                      [&](auto tag) { return reconstruct_stereo(tag, views, points, options); });
 }
@@ -61,19 +62,19 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
     result.cloud = thin_to_count(result.cloud, most);
     result.cloud = remove_outliers(result.cloud);
     spdlog::info(
-        "stereo of {} views: {} points in {:.2f} s; {} after thinning and outliers, {:.2f} s",
-        views.size(), found, stereo_seconds, result.cloud.positions.size(),
+        "Stereo of {} views: {} points in {:.2f} s; {} after thinning and outlier removal, {:.2f} "
+        "s",
+        views.size(), grouped(found), stereo_seconds, grouped(result.cloud.positions.size()),
         seconds() - stereo_seconds);
     if (result.cloud.positions.empty())
-        throw Error(ExitCode::input,
-                    str("stereo found no surface in ", views.size(),
-                        " views; they must overlap, show texture, and lie within the range of "
-                        "depths (stereo.depth_near, stereo.depth_far)"));
+        throw Error(ExitCode::input, str("stereo found no surface in ", views.size(),
+                                         " views; they need overlap, texture, and depths within "
+                                         "stereo.depth_near and stereo.depth_far"));
     if (result.cloud.positions.size() < kFewStereoPoints && most >= kFewStereoPoints)
         spdlog::warn(
-            "stereo found {} points only: little overlap or texture, or a wrong range of "
-            "depths (stereo.depth_near, stereo.depth_far)",
-            result.cloud.positions.size());
+            "Stereo found only {} points: little overlap or texture, or a wrong range of depths "
+            "(stereo.depth_near, stereo.depth_far)",
+            grouped(result.cloud.positions.size()));
     return result;
 }
 
