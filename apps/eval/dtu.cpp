@@ -65,8 +65,8 @@ int dtu(const DtuArguments& a) {
         throw Error(ExitCode::input,
                     str("E_DTU_FRAME: ", a.pred, " is not in the frame of scan ", a.scan, ": ",
                         frame.text(),
-                        "; was scale_mat applied twice or not at all? (--cameras FILE --mesh-units "
-                        "normalised; --force measures regardless)"));
+                        "; was scale_mat applied twice or not at all? Try --cameras FILE "
+                        "--mesh-units normalised, or --force to measure anyway"));
     const bool culling = !a.cull.masks.empty() && a.cull.views != "none";
     const std::size_t culled = culling ? cull_dtu(in.mesh, *cameras, a.cull) : 0;
 
@@ -74,7 +74,7 @@ int dtu(const DtuArguments& a) {
     bool sample = a.mode != "points" && !in.is_splats;
     if (sample && in.mesh.faces.empty()) {
         if (a.mode == "mesh" || in.faces > 0)
-            spdlog::warn("{}: no face to sample; its vertices are measured as points", a.pred);
+            spdlog::warn("{}: no faces; the vertices are measured as points", a.pred);
         sample = false;
     }
     DtuMetrics m = evaluate_dtu(
@@ -109,7 +109,7 @@ int dtu(const DtuArguments& a) {
     put_report(json, a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
-                                         ", so that the metrics are undefined"));
+                                         "; nothing can be measured"));
     if (!a.clouds.empty()) {
         constexpr double kFull = 10;  // mm, as in the official pictures
         const ErrorPalette palette = find_palette(a.palette, ErrorPalette::dtu);
@@ -124,38 +124,48 @@ int dtu(const DtuArguments& a) {
 EvalCommand add_eval_dtu(CLI::App& app) {
     const auto arguments = std::make_shared<DtuArguments>();
     DtuArguments& a = *arguments;
-    CLI::App* command = app.add_subcommand("dtu", "the evaluation of the DTU benchmark, in mm");
+    CLI::App* command = app.add_subcommand("dtu", "measure as the DTU benchmark does, in mm");
     command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
     command->add_option("--scan", a.scan, "number of the scan")
         ->required()
         ->check(CLI::Range(1, 9999));
     command->add_option("--dtu", a.dtu, "folder with Points/ and ObsMask/")->required();
     command->add_option("--cameras", a.cameras, "cameras.npz with scale_mat_0 [beside the masks]");
-    command->add_option("--mesh-units", a.units, "auto, mm or normalised [auto]")
+    command
+        ->add_option("--mesh-units", a.units,
+                     "units of the prediction: auto, mm or normalised [auto]")
         ->check(CLI::IsMember({"auto", "mm", "normalised"}));
-    command->add_option("--mode", a.mode, "auto, mesh or points [auto: by the file]")
+    command->add_option("--mode", a.mode, "what the file is: auto, mesh or points [auto]")
         ->check(CLI::IsMember({"auto", "mesh", "points"}));
-    command->add_option("--cull-masks", a.cull.masks, "cull by the object masks in this folder");
+    command->add_option("--cull-masks", a.cull.masks,
+                        "folder of the object masks that cull the prediction [no culling]");
     command->add_option("--cull", a.cull.views,
                         "views whose masks cull: all, first:N, none or I,J,K [all]");
     command->add_option("--cull-dilate", a.cull.dilate_px, "pixels by which the masks grow [24]")
         ->check(CLI::Range(0, 200));
-    command->add_option("--min-opacity", a.min_opacity, "leaves fainter splats out [0: none]")
+    command->add_option("--min-opacity", a.min_opacity, "skip splats below this opacity [0: none]")
         ->check(in_range(0.0, 1.0));
-    command->add_option("--seed", a.seed, "of the thinning's order [0]");
-    command->add_option("--order", a.order, "of the thinning: seeded or given [seeded]")
+    command->add_option("--seed", a.seed, "seed of the order of thinning [0]");
+    command->add_option("--order", a.order, "order of thinning: seeded or given [seeded]")
         ->check(CLI::IsMember({"seeded", "given"}));
-    command->add_option("--spacing", a.options.spacing, "of samples and thinning, mm [0.2]")
+    command
+        ->add_option("--spacing", a.options.spacing,
+                     "distance of samples, also after thinning, mm [0.2]")
         ->check(kPositive);
-    command->add_option("--max-distance", a.options.max_distance, "outliers begin here, mm [20]")
+    command
+        ->add_option("--max-distance", a.options.max_distance,
+                     "larger distances are outliers, mm [20]")
         ->check(kPositive);
-    command->add_option("--max-samples", a.options.max_samples, "of the mesh [100000000]")
+    command
+        ->add_option("--max-samples", a.options.max_samples, "most samples of the mesh [100000000]")
         ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}));
-    command->add_option("--clouds", a.clouds, "folder for clouds coloured by error");
-    command->add_option("--palette", a.palette, "of the clouds: dtu, tnt or safe [dtu]")
+    command->add_option("--clouds", a.clouds, "folder for clouds coloured by error [none]");
+    command
+        ->add_option("--palette", a.palette,
+                     "colours of the clouds: dtu, tnt or safe (colour-blind) [dtu]")
         ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
-    command->add_flag("--force", a.force, "measure even what seems to be in another frame");
-    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
+    command->add_flag("--force", a.force, "measure even where the frames seem to differ");
+    add_output_flag(*command, "--out", a.out, "JSON file for the scores, too");
     add_require(*command, a.require, "chamfer<=1.5");
     return {command, [arguments, command] {
                 const DtuArguments& given = *arguments;

@@ -78,25 +78,29 @@ int geometry(const GeometryArguments& arguments) {
 EvalCommand add_eval_geometry(CLI::App& app) {
     const auto arguments = std::make_shared<GeometryArguments>();
     GeometryArguments& a = *arguments;
-    CLI::App* command =
-        app.add_subcommand("geometry", "surface or points against the truth, in the truth's units");
+    CLI::App* command = app.add_subcommand(
+        "geometry", "measure a surface or points against the truth, in its units");
     command->add_option("--pred", a.pred, "mesh (PLY, GLB, OBJ), cloud or splats (PLY)")
         ->required();
-    command->add_option("--gt", a.gt, "mesh (PLY, GLB, OBJ) or cloud (PLY)")->required();
+    command->add_option("--gt", a.gt, "true surface: mesh (PLY, GLB, OBJ) or cloud (PLY)")
+        ->required();
     command->add_option("--visible-gt", a.visible_gt,
-                        "part of the truth that completeness and recall ask for");
-    command->add_option("--tau", a.taus, "thresholds T,T,... of precision, recall and F1");
-    command->add_option("--max-distance", a.max_distance, "distances are capped there")
+                        "part of the truth that the views see, for completeness and recall");
+    command->add_option("--tau", a.taus,
+                        "thresholds T,T,... of precision, recall and F1, in the truth's units");
+    command
+        ->add_option("--max-distance", a.max_distance,
+                     "cap of distances, in the truth's units [none]")
         ->check(kPositive);
     command->add_option("--crop", a.crop,
-                        "selection volume, {\"box\": ...} or a scene's gt/info.json");
+                        "selection volume, {\"box\": ...} or gt/info.json of a scene [none]");
     command
-        ->add_option("--point-samples", a.point_samples,
-                     "compare so many points on each mesh instead of its surface: biased, for "
-                     "figures measured that way")
+        ->add_option(
+            "--point-samples", a.point_samples,
+            "N points on each mesh instead of its surface; biased, for older figures [surface]")
         ->check(CLI::Range(1, 100000000));
-    command->add_option("--seed", a.seed, "of the samples [0]");
-    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
+    command->add_option("--seed", a.seed, "seed of the samples [0]");
+    add_output_flag(*command, "--out", a.out, "JSON file for the scores, too");
     add_require(*command, a.require, "chamfer<=2 or f1@1>=0.4");
     return {command, [arguments] { return geometry(*arguments); }};
 }

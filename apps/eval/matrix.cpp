@@ -59,7 +59,7 @@ int run_tool(const std::string& name, const Words& words) {
     argv.push_back(nullptr);
     pid_t child = 0;
     if (const int code = posix_spawn(&child, path.c_str(), nullptr, nullptr, argv.data(), environ))
-        throw Error(ExitCode::io, str(path, ": cannot be started: ", std::strerror(code)));
+        throw Error(ExitCode::io, str(path, ": cannot start it: ", std::strerror(code)));
     int status = 0;
     while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
     }
@@ -83,12 +83,12 @@ std::string filled_in(const std::string& file, const std::string& text, const Na
             close == std::string::npos ? "" : text.substr(open + 2, close - open - 2);
         const auto found = names.find(name);
         if (found == names.end() && name == "data")
-            throw Error(ExitCode::usage, str(file, ": '", text,
-                                             "' lies in the data: name their folder, --data DIR"));
+            throw Error(ExitCode::usage,
+                        str(file, ": '", text, "' needs the folder of the data; give --data DIR"));
         if (found == names.end()) {
             std::string known;
             for (const auto& [other, value] : names) known += " " + other;
-            refuse(file, str("'", text, "' names what is not there; there are", known));
+            refuse(file, str("'", text, "': unknown variable; known are", known));
         }
         out += text.substr(at, open - at) + found->second;
         at = close + 1;
@@ -101,9 +101,10 @@ Words words_of(const std::string& file,
                const JsonValue& list,
                const Names& names) {
     Words words;
-    if (list && !list.is(JsonValue::Kind::list)) refuse(file, where + " is no list");
+    if (list && !list.is(JsonValue::Kind::list)) refuse(file, where + " is not a list");
     for (const JsonValue& item : list.items) {
-        if (!item.is(JsonValue::Kind::text)) refuse(file, where + " holds what is no text");
+        if (!item.is(JsonValue::Kind::text))
+            refuse(file, where + " holds a value that is not text");
         words.push_back(filled_in(file, item.text, names));
     }
     return words;
@@ -112,7 +113,7 @@ Words words_of(const std::string& file,
 /// Names must be valid for folders below "out".
 void check_name(const std::string& file, const std::string& what, const std::string& name) {
     if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
-        refuse(file, str(what, " '", name, "' is no name of a folder, which has no '/'"));
+        refuse(file, str(what, " '", name, "' cannot name a folder; remove '/'"));
 }
 
 /// One scene of a matrix, with its flags.
@@ -133,7 +134,8 @@ void add_scenes(const std::string& file,
             refuse(file, str("scene \"", name, "\": unknown key \"", key, "\""));
     std::vector<Names> each = {names};
     if (const JsonValue& loop = parts["for_each"]) {
-        if (loop.members.size() != 1) refuse(file, "\"for_each\" of " + name + " is not one list");
+        if (loop.members.size() != 1)
+            refuse(file, "\"for_each\" of " + name + " must hold one list");
         const auto& [variable, values] = loop.members.front();
         const std::string where = str("\"for_each\" of ", name);
         const Words words = words_of(file, where, values, names);
@@ -141,7 +143,7 @@ void add_scenes(const std::string& file,
         each.clear();
         for (const std::string& value : words) {
             if (std::count(words.begin(), words.end(), value) > 1)
-                refuse(file, str(where, " has '", value, "' twice"));
+                refuse(file, str(where, " holds '", value, "' twice"));
             each.push_back(names);
             each.back()[variable] = value;
         }
@@ -155,13 +157,13 @@ void add_scenes(const std::string& file,
         check_name(file, "scene", scene.name);
         if (std::any_of(scenes.begin(), scenes.end(),
                         [&](const MatrixScene& other) { return other.name == scene.name; }))
-            refuse(file, str("there are two scenes '", scene.name,
-                             "', which would be one folder; name each with its variable"));
+            refuse(file,
+                   str("two scenes are named '", scene.name, "'; put the variable into the name"));
         const Words more = words("eval_if_there");
         if (!more.empty() && fs::exists(more.back()))
             append(scene.eval, more);
         else if (!more.empty())
-            spdlog::info("{}: no {}; {} is left out", scene.name, more.back(), more.front());
+            spdlog::info("{}: no {}; skips {}", scene.name, more.back(), more.front());
         scenes.push_back(std::move(scene));
     }
 }
@@ -172,12 +174,12 @@ std::vector<std::uint64_t> seeds_of(const std::string& file, const JsonValue& li
     for (const JsonValue& seed : list.items) {
         const double number = seed.is(JsonValue::Kind::number) ? seed.number : -1;
         if (!(number >= 0) || number > 1e15 || number != std::floor(number))
-            refuse(file, "\"seeds\" holds what is no whole number");
+            refuse(file, "\"seeds\" holds a value that is not a whole number");
         seeds.push_back(static_cast<std::uint64_t>(number));
         if (std::count(seeds.begin(), seeds.end(), seeds.back()) > 1)
-            refuse(file, str("\"seeds\" has ", seeds.back(), " twice, which is the same run"));
+            refuse(file, str("\"seeds\" holds ", seeds.back(), " twice; remove one"));
     }
-    if (seeds.empty()) refuse(file, "\"seeds\" is no list of numbers");
+    if (seeds.empty()) refuse(file, "\"seeds\" is not a list of numbers");
     return seeds;
 }
 
@@ -193,9 +195,10 @@ bool complete(const std::string& run,
         done = json["summary"]["event"].text == "done";
         const std::string& line = json["run"]["command_line"].text;
         if (done && line.find(joined(train)) == std::string::npos)
-            throw Error(ExitCode::usage,
-                        str(run, ": was trained by\n  ", line, "\nexpected\n  tvsgs-train",
-                            joined(train), "\ngive the matrix another \"out\", or remove the run"));
+            throw Error(
+                ExitCode::usage,
+                str(run, ": trained with other flags:\n  ", line, "\nexpected\n  tvsgs-train",
+                    joined(train), "\nGive the matrix another \"out\", or remove the run"));
     }
     const auto step = [&](const char* tool, Words words) {
         if (options.quiet) words.push_back("--quiet");
@@ -203,7 +206,7 @@ bool complete(const std::string& run,
         if (code == 130 || code == 143)
             throw Error(static_cast<ExitCode>(code), str(tool, ": stopped by a signal"));
         if (code != 0)
-            spdlog::error("{}: {} ended with exit code {}; the table does without it", run, tool,
+            spdlog::error("{}: {} ended with exit code {}; it is not in the table", run, tool,
                           code);
         return code == 0;
     };
@@ -230,7 +233,7 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
     if (matrix["scenes"].members.empty()) refuse(file, "no \"scenes\"");
     if (matrix["configurations"].members.empty()) refuse(file, "no \"configurations\"");
     if (matrix["out"] && !matrix["out"].is(JsonValue::Kind::text))
-        refuse(file, "\"out\" is no text");
+        refuse(file, "\"out\" is not text");
     Names names{{"here", folder_text(fs::absolute(file).parent_path())}};
     if (!options.data.empty()) names["data"] = folder_text(options.data);
     const std::string out = filled_in(file, matrix["out"].text_or("runs"), names);
@@ -239,7 +242,7 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
     for (const auto& [name, flags] : matrix["configurations"].members) {
         check_name(file, "configuration", name);
         if (name.find('=') != std::string::npos)
-            refuse(file, str("configuration '", name, "' has a '=', which ends a name"));
+            refuse(file, str("configuration '", name, "' has a '='; remove it"));
     }
     std::vector<MatrixScene> scenes;
     for (const auto& [name, parts] : matrix["scenes"].members)
@@ -250,7 +253,7 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
             std::string known;
             for (const MatrixScene& scene : scenes) known += " " + scene.name;
             throw Error(ExitCode::usage,
-                        str("--scenes ", wanted, ": not in ", file, ", which has", known));
+                        str("--scenes ", wanted, ": not in ", file, "; it has", known));
         }
 
     std::vector<std::string> runs;

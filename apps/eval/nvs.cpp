@@ -4,6 +4,7 @@
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "eval/lpips_weights.h"
 #include "io/files/json_value.h"
 #include "pipeline/run/run_folder.h"
@@ -60,8 +61,7 @@ int nvs(const NvsArguments& arguments) {
     if (!arguments.scene.empty()) options.scene.path = arguments.scene;
     // Otherwise the masks replace those of the run's configuration, which may be gone.
     if (!arguments.masks.empty() && !arguments.masked && options.scene.masks.empty())
-        throw Error(ExitCode::usage,
-                    str("--masks ", arguments.masks, ": belongs to --masked, which is missing"));
+        throw Error(ExitCode::usage, str("--masks ", arguments.masks, ": needs --masked"));
     if (!arguments.masks.empty()) options.scene.masks = arguments.masks;
     options.scene.need_points = false;
     const DeviceChoice device = choose_device(arguments.device);
@@ -71,9 +71,9 @@ int nvs(const NvsArguments& arguments) {
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
     if (scene.test.empty())
         throw Error(ExitCode::input,
-                    str(arguments.model, ": the run has no test views (scene ", options.scene.path,
-                        "); train with --split, --test-list or --eval to have some"));
-    spdlog::info("{}: {} splats, {} test views, on {}", splat_path, splats.size(),
+                    str(arguments.model, ": no test views (scene ", options.scene.path,
+                        "); train with --eval, --split or --test-list"));
+    spdlog::info("{}: {} splats, {} test views, on {}", splat_path, grouped(splats.size()),
                  scene.test.size(), device.description);
 
     const ViewScores scores = on_device(device, [&](auto tag) {
@@ -84,8 +84,8 @@ int nvs(const NvsArguments& arguments) {
     write_metrics_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
                         scores);
     std::printf("%s\n", json_text(view_scores_json(scores, scene.test.size(), scoring)).c_str());
-    if (!scoring.lpips) spdlog::info("LPIPS: not computed: no weights given (--lpips-weights)");
-    spdlog::info("{}/test: renders, normal and depth maps", arguments.model);
+    if (!scoring.lpips) spdlog::info("LPIPS: not computed; give its weights with --lpips-weights");
+    spdlog::info("Renders, normal and depth maps: {}/test", arguments.model);
     result_of_run() = arguments.model + "/eval/nvs.json";
     std::vector<Metric> metrics;
     const auto add = [&](const ImageScores& mean, const std::string& suffix) {
@@ -104,19 +104,23 @@ int nvs(const NvsArguments& arguments) {
 EvalCommand add_eval_nvs(CLI::App& app) {
     const auto arguments = std::make_shared<NvsArguments>();
     NvsArguments& a = *arguments;
-    CLI::App* command = app.add_subcommand("nvs", "PSNR, SSIM and LPIPS of a run's test views");
+    CLI::App* command =
+        app.add_subcommand("nvs", "measure PSNR, SSIM and LPIPS of the test views of a run");
     command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
     command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
     command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    command->add_flag("--masked", a.masked, "score the object on white as well, by its masks");
+    command->add_flag("--masked", a.masked,
+                      "also score the object alone, inside its masks, on white");
     command->add_option("--masks", a.masks, "folder of the masks [those of the run]");
-    command->add_option("--quantize", a.quantize, "renders to 8 bits: round, trunc, none [round]")
+    command
+        ->add_option("--quantize", a.quantize,
+                     "rounding of renders to 8 bits: round, trunc or none [round]")
         ->check(CLI::IsMember({"round", "trunc", "none"}));
     command->add_option("--lpips-weights", a.weights,
-                        "VGG's or AlexNet's and LPIPS's weights (.safetensors, .npz) [no LPIPS]");
+                        "weights of VGG or AlexNet and of LPIPS (.safetensors, .npz) [no LPIPS]");
     command
         ->add_option("--lpips-range", a.range,
-                     "01: colours as they are, as published with 3DGS; -11: as LPIPS means it [01]")
+                     "range of colours: 01 as published with 3DGS, -11 as LPIPS defines it [01]")
         ->check(CLI::IsMember({"01", "-11"}));
     add_require(*command, a.require, "psnr>=20");
     return {command, [arguments, command] {

@@ -12,12 +12,12 @@ EvalCommand add_eval_report(CLI::App& app) {
     };
     const auto arguments = std::make_shared<Arguments>();
     CLI::App* command =
-        app.add_subcommand("report", "report.json and report.html of a run folder, anew");
+        app.add_subcommand("report", "write report.json and report.html of a run folder again");
     command->add_option("--run,-m,--model,--model-path", arguments->run, "run folder")->required();
     command->add_option("-s,--scene", arguments->scene, "folder of the scene [that of the run]");
     return {command, [arguments] {
                 make_report(arguments->run, arguments->scene);
-                say_next({"tvsgs-view", arguments->run}, "shows it in a browser");
+                say_next({"tvsgs-view", arguments->run}, "look at it in a browser");
                 return 0;
             }};
 }

@@ -37,7 +37,7 @@ void call(EvalCommand add(CLI::App&), Words words, const Words& more) {
         argv.push_back(word.data());
         line += (line.empty() ? "" : " ") + word;
     }
-    spdlog::info("{}", line);
+    spdlog::debug("{}", line);
     CLI::App app;
     app.require_subcommand(1);
     const EvalCommand command = add(app);
@@ -83,8 +83,7 @@ void check_owners(const RunArguments& a, const std::string& gt) {
           Owned{"--traj", a.traj, tnt, "--scene-dir DIR"},
           Owned{"--tnt-tau", a.tnt_tau, tnt, "--scene-dir DIR"}})
         if (!has_owner && !value.empty())
-            throw Error(ExitCode::usage,
-                        str(flag, " ", value, ": belongs to ", owner, ", which is missing"));
+            throw Error(ExitCode::usage, str(flag, " ", value, ": needs ", owner));
 }
 
 int run(const RunArguments& a) {
@@ -99,7 +98,7 @@ int run(const RunArguments& a) {
         return flag.empty() && own_gt ? of_run : flag;
     };
     if (a.dtu.empty() != a.scan.empty())
-        throw Error(ExitCode::usage, "--dtu DIR and --scan N belong together; one is missing");
+        throw Error(ExitCode::usage, "--dtu DIR and --scan N: give both");
     check_owners(a, gt);
 
     struct Prediction {
@@ -111,8 +110,10 @@ int run(const RunArguments& a) {
         // First, because the centres use its frame.
         predictions.insert(predictions.begin(), {"", mesh});
     else
-        spdlog::info("no mesh in {}/mesh; tvsgs-extract-mesh --model {} makes one", a.model,
-                     for_shell(a.model));
+        spdlog::info(
+            "No mesh in {}/mesh; only the splats are measured. To make one:\n    "
+            "tvsgs-extract-mesh {}",
+            a.model, for_shell(a.model));
     int done = 0;
     if (fs::is_directory(a.model + "/test")) {
         Words words = flags({{"--model", a.model},
@@ -158,10 +159,9 @@ int run(const RunArguments& a) {
         }
     }
     if (done == 0)
-        throw Error(ExitCode::usage,
-                    str(a.model,
-                        ": nothing to measure: the run has no test views, and there is "
-                        "no --gt, --dtu or --scene-dir"));
+        throw Error(ExitCode::usage, str(a.model,
+                                         ": nothing to measure: the run has no test views; give "
+                                         "--gt, --dtu or --scene-dir"));
     call(add_eval_report, {"report", "--run", a.model}, flags({{"--scene", a.scene}}));
     result_of_run().clear();
     return 0;
@@ -172,28 +172,33 @@ int run(const RunArguments& a) {
 EvalCommand add_eval_run(CLI::App& app) {
     const auto arguments = std::make_shared<RunArguments>();
     RunArguments& a = *arguments;
-    CLI::App* command = app.add_subcommand("run", "all evaluations that apply to a run folder");
+    CLI::App* command = app.add_subcommand("run", "run all evaluations that apply to a run folder");
     command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
     command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
     command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    command->add_flag("--masked", a.masked, "as nvs has it");
-    command->add_option("--lpips-weights", a.weights, "as nvs has it");
-    command->add_option("--gt", a.gt, "mesh or cloud [what training measured against]");
-    command->add_option("--visible-gt", a.visible_gt, "as geometry has it");
-    command->add_option("--crop", a.crop, "as geometry has it");
-    command->add_option("--tau", a.tau, "as geometry has it");
-    command->add_option("--max-distance", a.max_distance, "as geometry has it");
-    command->add_option("--dtu", a.dtu, "as dtu has it, with --scan");
-    command->add_option("--scan", a.scan, "as dtu has it");
-    command->add_option("--cameras", a.cameras,
-                        "as dtu has it [cameras.npz or cameras_sphere.npz of the scene]");
-    command->add_option("--mesh-units", a.units, "as dtu has it");
-    command->add_option("--cull-masks", a.masks, "as dtu has it, for the mesh");
-    command->add_option("--cull", a.cull, "as dtu has it, for the mesh");
-    command->add_option("--cull-dilate", a.dilate, "as dtu has it, for the mesh");
-    command->add_option("--scene-dir", a.scene_dir, "as tnt has it");
-    command->add_option("--traj", a.traj, "as tnt has it [the scene's sparse/0]");
-    command->add_option("--tnt-tau", a.tnt_tau, "tnt's --tau");
+    command->add_flag("--masked", a.masked, "also score the object alone, inside its masks");
+    command->add_option("--lpips-weights", a.weights,
+                        "weights of LPIPS (.safetensors, .npz) [no LPIPS]");
+    command->add_option("--gt", a.gt, "true surface, mesh or cloud [as in training]");
+    command->add_option("--visible-gt", a.visible_gt,
+                        "part of the truth that views see, for completeness and recall");
+    command->add_option("--crop", a.crop, "selection volume of the measurement");
+    command->add_option("--tau", a.tau, "thresholds of precision, recall and F1");
+    command->add_option("--max-distance", a.max_distance,
+                        "cap of distances, in the truth's units [none]");
+    command->add_option("--dtu", a.dtu, "folder of the DTU benchmark, with --scan");
+    command->add_option("--scan", a.scan, "number of the DTU scan");
+    command->add_option("--cameras", a.cameras, "DTU: cameras.npz with scale_mat_0 [of the scene]");
+    command->add_option("--mesh-units", a.units, "DTU: auto, mm or normalised [auto]");
+    command->add_option("--cull-masks", a.masks, "DTU: folder of the masks that cull the mesh");
+    command->add_option("--cull", a.cull,
+                        "DTU: views whose masks cull: all, first:N, none or I,J,K [all]");
+    command->add_option("--cull-dilate", a.dilate, "DTU: pixels by which the masks grow [24]");
+    command->add_option("--scene-dir", a.scene_dir,
+                        "Tanks and Temples: folder with the truth of the scene");
+    command->add_option("--traj", a.traj,
+                        "Tanks and Temples: cameras of the prediction [sparse/0 of the scene]");
+    command->add_option("--tnt-tau", a.tnt_tau, "Tanks and Temples: threshold [that of the scene]");
     return {command, [arguments] { return run(*arguments); }};
 }
 

@@ -58,11 +58,11 @@ int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& me
         if (metric == metrics.end()) {
             std::string known;
             for (const Metric& m : metrics) known += (known.empty() ? "" : ", ") + m.key;
-            throw Error(ExitCode::usage, str("--require ", bound.text, ": there is no '", bound.key,
-                                             "'; there are ", known));
+            throw Error(ExitCode::usage, str("--require ", bound.text, ": no result is called '",
+                                             bound.key, "'; expected one of ", known));
         }
         if (bound.holds(metric->value)) continue;
-        spdlog::error("required {}, but {} is {:.6g}", bound.text, bound.key, metric->value);
+        spdlog::error("Not met: {}; {} is {:.6g}", bound.text, bound.key, metric->value);
         met = false;
     }
     return static_cast<int>(met ? ExitCode::done : ExitCode::bound);
@@ -74,8 +74,7 @@ void require_owner(const CLI::App& command,
                    const std::string& owner) {
     const CLI::Option* option = command.get_option(flag);
     if (has_owner || option->count() == 0) return;
-    throw Error(ExitCode::usage, str(flag, " ", option->results().back(), ": belongs to ", owner,
-                                     ", which is missing"));
+    throw Error(ExitCode::usage, str(flag, " ", option->results().back(), ": needs ", owner));
 }
 
 void refuse_both(const CLI::App& command, const char* flag, const char* other) {
@@ -85,7 +84,8 @@ void refuse_both(const CLI::App& command, const char* flag, const char* other) {
 
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example) {
     command
-        .add_option("--require", require, "KEY<=X or KEY>=X, as " + example + "; else exit code 8")
+        .add_option("--require", require,
+                    "bound KEY<=X or KEY>=X, such as " + example + "; not met: exit code 8")
         ->expected(1)
         ->take_all();
 }

@@ -36,7 +36,7 @@ void refuse_repeated(const std::vector<TableRun>& runs) {
         const auto [first, is_new] = seen.emplace(std::pair(run.configuration, whole), run.folder);
         if (!is_new)
             throw Error(ExitCode::usage, str("--runs: ", first->second, " and ", run.folder,
-                                             " are the same run; expected each run once"));
+                                             " are the same run; remove one"));
     }
 }
 
@@ -46,16 +46,15 @@ bool read_run(TableRun& run) {
     const std::string file = (fs::path(folder) / "report.json").string();
     std::error_code code;
     if (!fs::is_regular_file(file, code))
-        throw Error(ExitCode::input,
-                    str(file,
-                        ": does not exist; expected the folder of a run; for a run without "
-                        "a report: tvsgs-eval report --run ",
-                        for_shell(folder)));
+        throw Error(ExitCode::input, str(file,
+                                         ": not found; expected a run folder. To write the report "
+                                         "of a run:\n    tvsgs-eval report --run ",
+                                         for_shell(folder)));
     run.report = parse_json_value(read_bytes(file), file);
     if (run.report["format"].text != "tvsgs-report")
-        throw Error(ExitCode::input, str(file, ": is no report of tvsgs-train"));
+        throw Error(ExitCode::input, str(file, ": not a report of tvsgs-train"));
     if (run.report["summary"]["event"].text != "done") {
-        spdlog::warn("{}: this run has not finished; it is left out", folder);
+        spdlog::warn("{}: skipped, this run has not finished", folder);
         return false;
     }
     const JsonValue& scene = run.report["config"]["scene"];
@@ -73,9 +72,9 @@ int table(std::vector<std::string> folders,
           const std::string& published_file,
           const std::string& out) {
     if (folders.empty() == matrix.file.empty())
-        throw Error(ExitCode::usage, "expected either --runs or --matrix");
+        throw Error(ExitCode::usage, "give either --runs or --matrix");
     if (matrix.file.empty() && (matrix.dry_run || !matrix.data.empty() || !matrix.scenes.empty()))
-        throw Error(ExitCode::usage, "--data, --scenes and --dry-run belong to --matrix");
+        throw Error(ExitCode::usage, "--data, --scenes and --dry-run need --matrix");
     if (!out.empty()) require_replaceable(fs::path(out).replace_extension(".csv"));
     if (!matrix.file.empty()) folders = run_matrix(matrix);
     if (matrix.dry_run) return 0;
@@ -90,8 +89,7 @@ int table(std::vector<std::string> folders,
     refuse_repeated(asked);
     for (TableRun& run : asked)
         if (read_run(run)) runs.push_back(std::move(run));
-    if (runs.empty())
-        throw Error(ExitCode::input, "none of the runs has finished; expected at least one");
+    if (runs.empty()) throw Error(ExitCode::input, "no run has finished; expected at least one");
     name_configurations(runs);
     for (const std::string& sentence : equal_seeds(runs)) spdlog::warn(sentence);
     std::string text = str("# Results of ", runs.size(),
@@ -113,8 +111,7 @@ int table(std::vector<std::string> folders,
     }
     write_text_file(stem.string() + ".csv", tables_csv(runs));
     write_text_file(out, text);
-    spdlog::info("{}: {} runs; {}.csv has their numbers one by one", out, runs.size(),
-                 stem.string());
+    spdlog::info("Table of {1} runs: {0}; their numbers: {2}.csv", out, runs.size(), stem.string());
     return 0;
 }
 
@@ -127,26 +124,28 @@ EvalCommand add_eval_table(CLI::App& app) {
         MatrixOptions matrix;
     };
     const auto arguments = std::make_shared<Arguments>();
-    CLI::App* command =
-        app.add_subcommand("table", "tables of finished runs, and their errors over time");
+    CLI::App* command = app.add_subcommand(
+        "table", "write tables of finished runs, and plots of their errors over time");
     command
-        ->add_option(
-            "--runs", arguments->runs,
-            "run folders DIR or LABEL=DIR; runs that differ in their seed only are averaged")
+        ->add_option("--runs", arguments->runs,
+                     "run folders DIR or LABEL=DIR; runs that differ only in the seed are averaged")
         ->take_all();
     command->add_option("--matrix", arguments->matrix.file,
                         "JSON file of scenes, configurations and seeds to train and measure first");
     command->add_option("--data", arguments->matrix.data,
-                        "folder of the scenes of that file, which calls it ${data}");
-    command->add_option("--scenes", arguments->matrix.scenes, "of that file these only: A,B,C")
+                        "folder of the scenes, ${data} in that file");
+    command
+        ->add_option("--scenes", arguments->matrix.scenes,
+                     "only these scenes of that file: A,B,C [all]")
         ->delimiter(',');
     command->add_flag("--dry-run", arguments->matrix.dry_run,
-                      "with --matrix: print the commands and do nothing");
-    command->add_option("--published", arguments->published,
-                        "JSON file of figures to show where the scenes are the same "
-                        "(docs/published_figures.json)");
-    add_output_flag(*command, "-o,--out", arguments->out,
-                    "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
+                      "with --matrix: print the commands only");
+    command->add_option(
+        "--published", arguments->published,
+        "JSON file of published figures of the same scenes (docs/published_figures.json)");
+    add_output_flag(
+        *command, "-o,--out", arguments->out,
+        "FILE.md; FILE.csv and plots are written beside it [standard output, no plots]");
     return {command, [arguments, command] {
                 arguments->matrix.quiet = command->count("--quiet") > 0;
                 return table(arguments->runs, arguments->matrix, arguments->published,

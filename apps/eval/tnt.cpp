@@ -5,6 +5,7 @@
 
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
+#include "core/grouped.h"
 #include "eval/frame_check.h"
 #include "eval/tnt_curves.h"
 #include "eval/tnt_files.h"
@@ -59,9 +60,9 @@ int tnt(const TntArguments& a) {
     const std::vector<Vec3d> truth = read_truth(files.cloud, kTntDistribution);
     const std::vector<Vec3d> truth_cropped = cropped(truth, crop);
     if (truth_cropped.empty())
-        throw Error(ExitCode::input, str("E_CROP: ", files.crop, ": none of the ", truth.size(),
-                                         " points of the ground truth is inside; is it the crop "
-                                         "volume of this scene?"));
+        throw Error(ExitCode::input,
+                    str("E_CROP: ", files.crop, ": none of the ", grouped(truth.size()),
+                        " points of the truth is inside; is it the crop volume of this scene?"));
     const Prediction in = read_prediction(a.pred, a.min_opacity);
     std::string used;
     const std::vector<Vec3d> points = choose_tnt_points(in, a.points, a.seed, used);
@@ -113,7 +114,7 @@ int tnt(const TntArguments& a) {
     put_report(json, a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input,
-                    str("E_TNT_EMPTY: ", m.undefined, ", so that the metrics are undefined: ",
+                    str("E_TNT_EMPTY: ", m.undefined, "; nothing can be measured: ",
                         check_frame(transformed(points, alignment.final), truth_cropped).text()));
     if (!a.results.empty()) {
         write_curves(a.results, files.scene, m, tau);
@@ -132,33 +133,38 @@ EvalCommand add_eval_tnt(CLI::App& app) {
     const auto arguments = std::make_shared<TntArguments>();
     TntArguments& a = *arguments;
     CLI::App* command =
-        app.add_subcommand("tnt", "the evaluation of the Tanks and Temples benchmark");
+        app.add_subcommand("tnt", "measure as the Tanks and Temples benchmark does");
     command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
-    command->add_option("--scene-dir", a.scene_dir, "folder with the scene's ground truth")
+    command->add_option("--scene-dir", a.scene_dir, "folder with the truth of the scene")
         ->required();
     command->add_option("--scene-name", a.scene_name, "name of the scene [that of its files]");
     command->add_option("--traj", a.traj,
                         "cameras in the prediction's frame: .log or COLMAP model [official log]");
     command->add_option("--tau", a.tau, "threshold [that of the scene]")->check(kPositive);
     command->add_option("--points", a.points,
-                        "auto, vertices, vertices+centroids or area:N [auto: the third]");
-    command->add_flag("--no-icp", a.no_icp, "align by the cameras alone");
+                        "points of a mesh: vertices, vertices+centroids or area:N; auto: "
+                        "vertices+centroids [auto]");
+    command->add_flag("--no-icp", a.no_icp, "align by the cameras only");
     command->add_flag("--icp-intended", a.icp_intended,
-                      "20 iterations, as the official script means to do");
-    command->add_option("--align-file", a.align_file,
-                        "4x4 matrix to the truth's frame, used as it is (alignment.txt of a run)");
+                      "20 iterations of ICP, as the official script intends");
+    command->add_option(
+        "--align-file", a.align_file,
+        "4x4 matrix into the frame of the truth, used without ICP (alignment.txt of a run)");
     command
-        ->add_option("--traj-threshold", a.traj_threshold, "within it camera centres agree [0.2]")
+        ->add_option("--traj-threshold", a.traj_threshold,
+                     "largest distance at which camera centres agree [0.2]")
         ->check(kPositive);
-    command->add_option("--min-opacity", a.min_opacity, "leaves fainter splats out [0: none]")
+    command->add_option("--min-opacity", a.min_opacity, "skip splats below this opacity [0: none]")
         ->check(in_range(0.0, 1.0));
-    command->add_option("--seed", a.seed, "of the alignment and of area samples [0]");
+    command->add_option("--seed", a.seed, "seed of the alignment and of area samples [0]");
     command->add_option("--results", a.results,
                         "folder for curves, alignment.txt and clouds coloured by error");
-    command->add_option("--palette", a.palette, "of the clouds: tnt, dtu or safe [tnt]")
+    command
+        ->add_option("--palette", a.palette,
+                     "colours of the clouds: tnt, dtu or safe (colour-blind) [tnt]")
         ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
-    command->add_flag("--force", a.force, "measure even what seems to be misaligned");
-    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
+    command->add_flag("--force", a.force, "measure even where the alignment seems wrong");
+    add_output_flag(*command, "--out", a.out, "JSON file for the scores, too");
     add_require(*command, a.require, "f1>=0.4");
     return {command, [arguments, command] {
                 const TntArguments& given = *arguments;
