@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 
 namespace tvsgs::prepare {
@@ -87,7 +88,7 @@ std::string names_of(const MissingRun& run) {
 }
 
 std::string neighbours_of(const MissingRun& run) {
-    return run.before.empty() && run.after.empty() ? "that are like those with poses"
+    return run.before.empty() && run.after.empty() ? "beside the photographs with poses"
            : run.before.empty()                    ? str("towards ", run.after)
            : run.after.empty()                     ? str("towards ", run.before)
                                : str("between ", run.before, " and ", run.after);
@@ -139,44 +140,44 @@ Check check_models(const std::vector<std::string>& names,
 }
 
 void say_check(const Check& check) {
-    spdlog::info("{} of {} photographs have poses; {} points, each seen {:.1f} times",
-                 check.registered, check.photographs, check.points, check.track_length);
-    spdlog::info("residual {:.2f} px on average, {:.2f} px in the worst photograph, {}",
+    spdlog::info("{} of {} photographs have poses; {} points, each in {:.1f} photographs",
+                 check.registered, check.photographs, grouped(check.points), check.track_length);
+    spdlog::info("Reprojection error {:.2f} px on average, {:.2f} px in the worst photograph, {}",
                  check.residual_px, check.worst_px, check.worst);
-    spdlog::info("points are seen from directions {:.0f} degrees apart (median)", check.angle_deg);
+    spdlog::info("Median triangulation angle {:.0f} degrees (good above 10)", check.angle_deg);
     // degrees; below it, an error of a pixel is several per cent of the depth.
     constexpr double kNarrow = 4;
     if (check.angle_deg < kNarrow)
         spdlog::warn(
-            "the photographs were taken from nearly one place: depth will be uncertain; "
-            "step sideways between photographs rather than turn");
+            "The photographs were taken from nearly one place, so depth is uncertain; step "
+            "sideways between photographs");
     constexpr double kLarge = 1.5;  // pixels; COLMAP's usual results are below 1
     if (check.residual_px > kLarge)
         spdlog::warn(
-            "the residual is large: was something moving, or the lens zoomed in between? "
-            "--cameras each tells zooms apart");
+            "The reprojection error is large: did something move, or did the lens zoom? For zooms "
+            "give --cameras each");
     std::string sizes;
     for (const std::size_t size : check.pieces) sizes += str(sizes.empty() ? "" : ", ", size);
     if (check.pieces.size() > 1)
         spdlog::warn(
-            "the photographs fall into {} pieces that do not hang together, of {}; the "
-            "first is kept",
+            "The photographs form {} separate groups, of {}; only the first is kept: add "
+            "photographs between them",
             check.pieces.size(), sizes);
     for (const MissingRun& run : check.missing) {
         if (run.piece > 0)
             spdlog::warn(
-                "{}: without a pose beside the others, but they fit each other: photograph "
-                "what lies {} in small steps",
+                "{}: connected with each other, not with the rest: add photographs {}, in small "
+                "steps",
                 names_of(run), neighbours_of(run));
         else if (run.features >= 0 && run.features < 0.3 * check.features)
             spdlog::warn(
-                "{}: without a pose; {} features where others have {}: blurred, dark or "
-                "without texture: photograph this again, {}",
+                "{}: no pose; {} features, others have {}: blurred, dark or without texture: take "
+                "again, {}",
                 names_of(run), run.features, check.features, neighbours_of(run));
         else
             spdlog::warn(
-                "{}: without a pose; too little overlap: add photographs {}, each sharing "
-                "two thirds with the next",
+                "{}: no pose; too little overlap: add photographs {}, each sharing two thirds with "
+                "the next",
                 names_of(run), neighbours_of(run));
     }
 }

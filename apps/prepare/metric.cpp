@@ -77,9 +77,9 @@ MetricFrame metric_frame(const std::vector<MarkerView>& views, double size, bool
     for (const auto& [id, rays] : seen)
         if (const std::optional<Square> square = square_of(rays)) squares.emplace(id, *square);
     if (squares.empty())
-        throw input_error("--marker-size: ", seen.size(), " markers were found in ", views.size(),
-                          " photographs, none of them in two that see it from different places; "
-                          "expected one at least: is --marker-dictionary that of the print?");
+        throw input_error("--marker-size: ", seen.size(), " markers in ", views.size(),
+                          " photographs, none of them seen from two places; expected at least one: "
+                          "does --marker-dictionary match the print?");
 
     MetricFrame frame;
     frame.markers = static_cast<int>(squares.size());

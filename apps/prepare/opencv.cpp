@@ -30,9 +30,9 @@ cv::Mat read_as_stored(const std::string& file) {
     return translated(file, [&] {
         cv::Mat image = cv::imread(file, kAsStored);
         if (image.empty() || (image.depth() != CV_8U && image.depth() != CV_16U))
-            throw input_error("E_IMAGE_READ: ", file,
-                              ": not an image of 8 or 16 bits that OpenCV reads; export it as JPEG "
-                              "or PNG");
+            throw input_error(
+                "E_IMAGE_READ: ", file,
+                ": OpenCV cannot read it as an image of 8 or 16 bits; export it as JPEG or PNG");
         return image;
     });
 }
@@ -85,7 +85,7 @@ void read_size(const std::string& file, int& width, int& height) {
 void convert_to_png(const std::string& file, const std::string& png) {
     const cv::Mat image = read_as_stored(file);
     translated(png, [&] {
-        if (!cv::imwrite(png, image)) throw Error(ExitCode::io, png + ": cannot be written");
+        if (!cv::imwrite(png, image)) throw Error(ExitCode::io, png + ": cannot write it");
         return 0;
     });
 }
@@ -108,7 +108,7 @@ Calibration read_calibration(const std::string& file) {
             throw input_error(
                 file,
                 ": expected camera_matrix (3x3), distortion_coefficients, image_width "
-                "and image_height, as OpenCV's calibration writes them");
+                "and image_height, from a calibration by OpenCV");
         Calibration out;
         out.width = static_cast<int>(width), out.height = static_cast<int>(height);
         // OpenCV counts from the centre of the first pixel, COLMAP from its corner.
@@ -117,8 +117,8 @@ Calibration read_calibration(const std::string& file) {
             !in["fisheye_model"].empty() && static_cast<int>(in["fisheye_model"]) != 0;
         if (d.size() > 8 && std::any_of(d.begin() + 8, d.end(), [](double k) { return k != 0; }))
             throw input_error(file,
-                              ": thin prism or tilt coefficients, which COLMAP's models do not "
-                              "have; calibrate without them");
+                              ": has thin prism or tilt coefficients, unknown to the models of "
+                              "COLMAP; calibrate without them");
         out.model = fisheye ? "OPENCV_FISHEYE" : d.size() > 4 ? "FULL_OPENCV" : "OPENCV";
         d.resize(out.model == "FULL_OPENCV" ? 8 : 4);
         out.params.insert(out.params.end(), d.begin(), d.end());
@@ -136,7 +136,7 @@ std::vector<Marker> find_markers(const std::string& photo, const std::string& di
     const auto known = std::ranges::find(
         kDictionaries, dictionary, [](const auto& entry) { return std::string(entry.first); });
     if (known == std::end(kDictionaries))
-        throw Error(ExitCode::usage, "--marker-dictionary " + dictionary + ": not known");
+        throw Error(ExitCode::usage, "--marker-dictionary " + dictionary + ": unknown; see --help");
     // Uses our reader, so that the pixels are those of training and COLMAP.
     ImageU8 image = read_image(photo, 1);
     return translated(photo, [&] {

@@ -6,10 +6,9 @@ namespace tvsgs::prepare {
 namespace {
 
 [[noreturn]] void missing(const std::string& what) {
-    throw Error(ExitCode::usage,
-                what +
-                    ": this tvsgs-prepare was built without OpenCV; build it where Debian's "
-                    "libopencv-contrib-dev is, or give JPEG or PNG photographs alone");
+    throw Error(ExitCode::usage, what +
+                                     ": this tvsgs-prepare has no OpenCV; build it with "
+                                     "libopencv-contrib-dev, or give JPEG or PNG photographs only");
 }
 
 }  // namespace

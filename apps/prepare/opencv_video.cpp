@@ -92,15 +92,13 @@ void thin_out(std::vector<std::string>& files, std::size_t most) {
 int extract_frames(const std::string& video, const std::string& folder, int most) {
     cv::VideoCapture in(video);
     if (!in.isOpened())
-        throw input_error(video,
-                          ": not a video that OpenCV reads; expected one as phones and "
-                          "cameras write it");
+        throw input_error(video, ": OpenCV cannot read it as a video; convert it to MP4");
     std::vector<std::string> files;
     const auto keep = [&](const cv::Mat& frame) {
         std::ostringstream name;
         name << folder << "/frame_" << std::setw(5) << std::setfill('0') << files.size() << ".jpg";
         if (!cv::imwrite(name.str(), frame, {cv::IMWRITE_JPEG_QUALITY, 97}))
-            throw Error(ExitCode::io, name.str() + ": cannot be written");
+            throw Error(ExitCode::io, name.str() + ": cannot write it");
         files.push_back(name.str());
     };
     Motion motion;
@@ -121,9 +119,9 @@ int extract_frames(const std::string& video, const std::string& folder, int most
     }
     if (sharpest >= 0) keep(best);
     if (files.size() < 2)
-        throw input_error(video, ": ", files.size(),
-                          " frames that moved against each other; expected 2 or more: was "
-                          "the camera moved?");
+        throw input_error(
+            video, ": ", files.size(),
+            " frames from different places; expected 2 or more: did the camera move?");
     thin_out(files, static_cast<std::size_t>(most));
     return static_cast<int>(files.size());
 }

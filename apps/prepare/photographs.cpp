@@ -71,14 +71,13 @@ std::vector<Photograph> find_photographs(const std::string& folder) {
     }
     if (!unreadable.empty())
         spdlog::warn(
-            "{} files are left out, such as {}: expected JPEG, PNG, TIFF or WebP; export "
-            "them as JPEG",
+            "Skipped {} files, such as {}: not JPEG, PNG, TIFF or WebP; export them as JPEG",
             unreadable.size(), unreadable.front());
     std::ranges::sort(photographs, {}, &Photograph::name);
     if (photographs.size() < 2)
-        throw input_error(folder, ": found ", photographs.size(),
-                          " photographs (.jpg, .jpeg, .png, .tif, .webp, .bmp, in folders below as "
-                          "well); expected at least 2");
+        throw input_error(folder, ": ", photographs.size(),
+                          " photographs (.jpg, .jpeg, .png, .tif, .webp, .bmp, also in folders "
+                          "below); expected at least 2");
     std::set<std::string> taken;
     for (const Photograph& photo : photographs)
         if (!photo.convert) taken.insert(photo.name);

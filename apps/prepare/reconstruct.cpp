@@ -65,7 +65,7 @@ public:
     }
     Error failed(const std::string& command, int code) const {
         return Error(ExitCode::input, str("colmap ", command, " failed (exit code ", code,
-                                          "); the end of ", log_, " says:", last_lines(log_, 6)));
+                                          "); last lines of ", log_, ":", last_lines(log_, 6)));
     }
 
 private:
@@ -244,8 +244,8 @@ void take_poses(const Colmap& colmap,
     std::erase_if(model.images,
                   [&](const SparseImage& image) { return !fs::exists(images / image.name); });
     if (model.images.size() < 2)
-        throw input_error(options.poses, ": names ", model.images.size(),
-                          " of the photographs; expected 2 or more, by their paths");
+        throw input_error(options.poses, ": has poses of ", model.images.size(),
+                          " of the photographs; expected 2 or more, with the same paths");
     // The model's points belong to other features.
     model.points.clear();
     for (SparseImage& image : model.images) image.observations.clear();
@@ -276,10 +276,8 @@ SparseModel triangulate(const Colmap& colmap,
 std::string find_colmap() {
     const std::string file = find_program("colmap");
     if (file.empty())
-        throw Error(
-            ExitCode::usage,
-            "colmap is not on the PATH; it finds where photographs were taken from: install "
-            "Debian's package colmap (apt-get install colmap)");
+        throw Error(ExitCode::usage,
+                    "COLMAP not found; install it (apt-get install colmap) or put it on the PATH");
     return file;
 }
 
@@ -305,12 +303,10 @@ Reconstruction reconstruct(const std::string& program,
     if (options.poses.empty() && !options.calibration && !found.models.empty())
         found.models[0] = with_lenses(colmap, work, std::move(found.models[0]), groups, options);
     if (found.models.empty())
-        throw input_error(
-            "COLMAP found nothing to begin with among the ", photographs,
-            " photographs: no three see enough of the same from different places; take them sharp, "
-            "of "
-            "something with texture, each sharing two thirds with the next, and step sideways in "
-            "between");
+        throw input_error("COLMAP found no camera positions for the ", photographs,
+                          " photographs: no three share enough of the scene from different places; "
+                          "take sharp photographs of something with texture, each sharing two "
+                          "thirds with the next, and step sideways between them");
     return found;
 }
 

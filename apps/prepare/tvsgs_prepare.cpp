@@ -34,69 +34,66 @@ struct Arguments {
 Arguments parse(int argc, char** argv) {
     Arguments a;
     CLI::App app{
-        "Makes a scene of photographs or a video: finds by COLMAP where they were taken from, "
-        "checks "
-        "that, and says what to photograph again.",
+        "Makes a scene from photographs or a video: COLMAP finds the camera positions, and a check "
+        "says which photographs to take again.",
         "tvsgs-prepare"};
     app.get_formatter()->column_width(40);
     app.add_option("photos", a.photos, "folder of photographs, or a video")->required();
-    app.add_option("scene", a.scene, "folder to write; must not exist")->required();
+    app.add_option("scene", a.scene, "folder to write, new or empty")->required();
     const char* group = "Cameras";
-    app.add_option(
-           "--cameras", a.cameras,
-           "which photographs share focal length and lens: auto (size, and camera and focal "
-           "length in EXIF), one (all), each (none) [auto]")
+    app.add_option("--cameras", a.cameras,
+                   "photographs that share a lens and focal length: auto (by size and EXIF), one "
+                   "(all), each (none) [auto]")
         ->check(CLI::IsMember({"auto", "one", "each"}))
         ->group(group);
-    app.add_option(
-           "--lens", a.reconstruct.lens,
-           "camera model of COLMAP: auto (OPENCV for 10 photographs of a camera or more, else "
-           "SIMPLE_RADIAL), OPENCV_FISHEYE for a fisheye, ... [auto]")
+    app.add_option("--lens", a.reconstruct.lens,
+                   "camera model of COLMAP; auto: OPENCV from 10 photographs of a camera on, else "
+                   "SIMPLE_RADIAL; OPENCV_FISHEYE for a fisheye [auto]")
         ->check(CLI::IsMember({"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL",
                                "OPENCV", "FULL_OPENCV", "FOV", "OPENCV_FISHEYE",
                                "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"}))
         ->group(group);
     app.add_option("--calibration", a.calibration,
-                   "file of OpenCV's calibration (YAML, XML or JSON): the one lens of all, kept")
+                   "calibration file of OpenCV (YAML, XML or JSON): the lens of all photographs, "
+                   "not refined")
         ->group(group);
     app.add_option("--poses", a.reconstruct.poses,
-                   "COLMAP model (cameras, images) whose poses are kept; only points are made")
+                   "COLMAP model (cameras, images): keep its poses, make the points only")
         ->group(group);
     group = "Metric frame";
     app.add_option("--marker-size", a.marker_size,
-                   "side of ArUco or AprilTag markers in the scene, in metres: makes it metric and "
-                   "upright")
+                   "side of the ArUco or AprilTag markers in the scene, metres: makes the scene "
+                   "metric and upright")
         ->check(kPositive)
         ->group(group);
     app.add_option("--marker-dictionary", a.dictionary,
                    "DICT_4X4_50, DICT_APRILTAG_36h11, ... [DICT_4X4_50]")
         ->group(group);
     app.add_option("--markers-on", a.markers_on,
-                   "floor: up is out of the paper; wall: up is up on it [floor]")
+                   "floor: markers lie flat; wall: markers hang upright [floor]")
         ->check(CLI::IsMember({"floor", "wall"}))
         ->group(group);
     group = "Work";
-    app.add_option("--frames", a.frames, "of a video: take this many at most [150]")
+    app.add_option("--frames", a.frames, "most frames to take from a video [150]")
         ->check(CLI::Range(2, 100000))
         ->group(group);
     app.add_option("--matcher", a.matcher,
-                   "exhaustive, sequential (each with those next by name), auto: sequential for a "
-                   "video and above 200 photographs [auto]")
+                   "exhaustive: match all pairs; sequential: match neighbours by name; auto: "
+                   "sequential for a video and above 200 photographs [auto]")
         ->check(CLI::IsMember({"auto", "exhaustive", "sequential"}))
         ->group(group);
     app.add_option("--max-size", a.reconstruct.max_size,
-                   "features are searched in photographs shrunk to this many pixels [3200]")
+                   "longest side of the photographs for the feature search, pixels [3200]")
         ->check(CLI::Range(100, 65535))
         ->group(group);
-    app.add_option("--threads", a.reconstruct.threads, "of COLMAP [all]")
+    app.add_option("--threads", a.reconstruct.threads, "threads of COLMAP [all]")
         ->check(CLI::Range(1, 4096))
         ->group(group);
     app.add_option("--min-share", a.min_share,
-                   "per cent of the photographs that must find a pose [50]")
+                   "share of the photographs that need a pose, per cent [50]")
         ->check(CLI::Range(0, 100))
         ->group(group);
-    app.add_flag("--anew", a.anew, "although there is a model of these photographs already")
-        ->group(group);
+    app.add_flag("--anew", a.anew, "find cameras again even if there are some")->group(group);
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
     parse_command_line(app, argc, argv);
 
@@ -107,17 +104,14 @@ Arguments parse(int argc, char** argv) {
     std::error_code error;
     const bool folder = fs::is_directory(a.photos, error), video = !folder && is_video(a.photos);
     refuse(!a.calibration.empty() && a.cameras == "each",
-           "--calibration with --cameras each: the calibrated lens is that of all photographs; "
-           "leave one out");
+           "--calibration and --cameras each exclude each other: the calibration is for one lens");
     refuse(!a.calibration.empty() && a.reconstruct.lens != "auto",
-           "--calibration with --lens: the file says the lens; leave one out");
-    refuse(video && app.count("--cameras") > 0,
-           "--cameras with a video: its frames are from one camera; leave it out");
-    refuse(folder && app.count("--frames") > 0,
-           "--frames with a folder: all of its photographs are taken; it is for a video");
+           "--calibration and --lens exclude each other: the file names the lens");
+    refuse(video && app.count("--cameras") > 0, "--cameras: a video has one camera; remove it");
+    refuse(folder && app.count("--frames") > 0, "--frames: only for a video; remove it");
     refuse(app.count("--marker-size") == 0 &&
                app.count("--markers-on") + app.count("--marker-dictionary") > 0,
-           "--markers-on and --marker-dictionary: belong to --marker-size, which is missing");
+           "--markers-on and --marker-dictionary need --marker-size");
     return a;
 }
 
@@ -150,13 +144,13 @@ public:
             for (const auto& entry : fs::directory_iterator(made)) parts.push_back(entry.path());
             for (const fs::path& part : parts)
                 if (const fs::path to = scene_ / part.filename(); fs::exists(to))
-                    throw input_error(to.string(), " is there now");
+                    throw input_error(to.string(), " exists now");
             for (const fs::path& part : parts) fs::rename(part, scene_ / part.filename());
         } catch (const std::exception& error) {
             kept_ = true;
-            throw Error(ExitCode::io, str(scene_.string(), ": cannot be put there (", error.what(),
-                                          "); what is not there yet is kept in ", made.string(),
-                                          ": make room and move it"));
+            throw Error(ExitCode::io,
+                        str(scene_.string(), ": cannot move the result there (", error.what(),
+                            "); it is in ", made.string(), ": make room and move it"));
         }
     }
 
@@ -176,7 +170,7 @@ std::string start_log(const fs::path& scene) {
     if (fs::exists(path) && !head.starts_with(kLogHead))
         path = str(scene.string(), ".", getpid(), ".log");
     std::ofstream(path) << kLogHead << kVersion << "\n";
-    if (!fs::exists(path)) throw Error(ExitCode::io, path + ": cannot be written");
+    if (!fs::exists(path)) throw Error(ExitCode::io, path + ": cannot write it");
     return path;
 }
 
@@ -187,30 +181,27 @@ bool is_in_place(const Arguments& a, const fs::path& scene) {
 }
 
 void check_places(const Arguments& a, const fs::path& scene) {
-    if (!fs::exists(a.photos))
-        throw input_error(a.photos, ": no such folder of photographs, and no such video");
+    if (!fs::exists(a.photos)) throw input_error(a.photos, ": no such folder or video");
     if (!fs::is_directory(a.photos) && !is_video(a.photos))
         throw input_error(a.photos,
-                          ": neither a folder nor a video (.mp4, .mov, .avi, .mkv, .webm)");
+                          ": expected a folder or a video (.mp4, .mov, .avi, .mkv, .webm)");
     std::error_code error;
     if (is_in_place(a, scene)) {
         for (const char* ours : {"sparse", "prepare.json", "prepare.log"})
             if (fs::exists(scene / ours))
                 throw Error(ExitCode::usage,
-                            str((scene / ours).string(), " is there already; name another scene"));
+                            str((scene / ours).string(), " already exists; choose another scene"));
     } else if (fs::exists(fs::symlink_status(scene)) &&  // or a broken link
                !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
         throw Error(ExitCode::usage,
-                    a.scene + ": exists and is not an empty folder; name a new one");
+                    a.scene + ": already exists and is not empty; choose another folder");
     }
     if (!a.anew && a.reconstruct.poses.empty() && fs::is_directory(a.photos))
         if (const std::string model = find_model_of(a.photos); !model.empty())
-            throw Error(
-                ExitCode::usage,
-                str(a.photos, ": its cameras are known already, by ", model,
-                    ": tvsgs-train --scene takes that folder's scene as it is; --poses MODEL "
-                    "keeps the poses of a COLMAP model and makes points, --anew finds all "
-                    "anew"));
+            throw Error(ExitCode::usage,
+                        str(a.photos, ": these photographs have cameras already, in ", model,
+                            ": train on that scene, keep its poses with --poses MODEL, or find all "
+                            "again with --anew"));
     if (a.marker_size > 0) {
         const std::vector<std::string> known = marker_dictionaries();
         if (std::ranges::find(known, a.dictionary) == known.end()) {
@@ -230,9 +221,9 @@ Calibration calibration_of(const std::string& file, const Photograph& photo) {
     Calibration lens = read_calibration(file);
     const double scale = static_cast<double>(photo.width) / lens.width;
     if (std::abs(scale * lens.height - photo.height) > 1)
-        throw input_error(file, ": made for ", lens.width, "x", lens.height, " pixels; ",
+        throw input_error(file, ": calibrated for ", lens.width, "x", lens.height, " pixels, but ",
                           photo.file, " has ", photo.width, "x", photo.height,
-                          "; expected that size or the same shape");
+                          "; expected that size or shape");
     for (int i = 0; i < 4; ++i) lens.params[static_cast<std::size_t>(i)] *= scale;
     return lens;
 }
@@ -250,12 +241,12 @@ JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& m
     }
     const MetricFrame frame = metric_frame(views, a.marker_size, a.markers_on == "wall");
     move(model, frame.to_new);
-    spdlog::info("metric by {} markers, seen {} times: their sides agree within {:.1f} %",
+    spdlog::info("Metric scale from {} markers, seen {} times; their sizes agree within {:.1f} %",
                  frame.markers, found, 100 * frame.spread);
     if (!frame.upright)
         spdlog::warn(
-            "the markers do not lie in one plane or in parallel ones: units are metres, but "
-            "the axes are COLMAP's");
+            "The markers are not in parallel planes: units are metres, but the axes stay as COLMAP "
+            "chose them");
     return JsonValue()
         .add("markers", frame.markers)
         .add("spread", frame.spread)
@@ -281,7 +272,7 @@ int command(int argc, char** argv) {
     if (video) {
         photos = (work.path() / "frames").string();
         fs::create_directories(photos);
-        spdlog::info("{}: {} frames taken", a.photos, extract_frames(a.photos, photos, a.frames));
+        spdlog::info("{}: took {} frames", a.photos, extract_frames(a.photos, photos, a.frames));
     }
     const std::vector<Photograph> photographs = find_photographs(photos);
     if (!a.calibration.empty()) {
@@ -307,23 +298,22 @@ int command(int argc, char** argv) {
     if (!in_place)
         put_photographs(photographs, images.string());
     else if (std::ranges::any_of(photographs, &Photograph::convert))
-        throw Error(ExitCode::usage, a.photos +
-                                         ": TIFF and WebP become PNG, and nothing is added to "
-                                         "your photographs; name another scene");
+        throw Error(ExitCode::usage,
+                    a.photos + ": TIFF and WebP need a copy as PNG; choose another scene folder");
     const std::string log = start_log(scene);
     Reconstruction found = with_context(
-        str("preparing ", a.scene, " (all of COLMAP's messages: ", log, ")"),
+        str("preparing ", a.scene, " (messages of COLMAP: ", log, ")"),
         [&] { return reconstruct(colmap, work.path(), images, log, groups, a.reconstruct); });
     std::vector<std::string> names;
     for (const Photograph& photo : photographs) names.push_back(photo.name);
     const Check check = check_models(names, found.models, found.features);
     say_check(check);
     if (check.registered * 100 < check.photographs * static_cast<std::size_t>(a.min_share))
-        throw input_error(a.photos, ": ", check.registered, " of ", check.photographs,
-                          " photographs have poses, expected ", a.min_share,
-                          " % or more; add photographs as said above, or take what there is by "
-                          "--min-share ",
-                          check.registered * 100 / check.photographs, "; COLMAP's messages: ", log);
+        throw input_error(
+            a.photos, ": ", check.registered, " of ", check.photographs,
+            " photographs have poses, expected ", a.min_share,
+            " % or more; add photographs as listed above, or accept it with --min-share ",
+            check.registered * 100 / check.photographs, "; messages of COLMAP: ", log);
 
     // 3. Write the complete scene, then give it its name.
     SparseModel& model = found.models[0];
@@ -337,8 +327,8 @@ int command(int argc, char** argv) {
     fs::copy_file(log, made / "prepare.log");
     work.put(made);
     fs::remove(log);
-    spdlog::info("{}: {} photographs with their cameras", a.scene, check.registered);
-    say_next({"tvsgs-train", "--scene", a.scene}, "trains on it");
+    spdlog::info("Wrote {}: {} photographs with cameras", a.scene, check.registered);
+    say_next({"tvsgs-train", "--scene", a.scene}, "train on it");
     return 0;
 }
 

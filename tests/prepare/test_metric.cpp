@@ -169,7 +169,7 @@ TEST(Metric, WhatNoTwoPhotographsSeeIsNoMeasure) {
     const Vec3d x{1, 0, 0}, y{0, 1, 0};
     MarkerCase c(x, -y, -y);
     c.views.resize(1);
-    expect_error(ExitCode::input, "2 markers were found in 1 photographs",
+    expect_error(ExitCode::input, "2 markers in 1 photographs",
                  [&] { metric_frame(c.views, 0.1, false); });
     // Not a square: a corner was found in the wrong place.
     MarkerCase skew(x, -y, -y);

@@ -84,7 +84,7 @@ TEST_F(OpenCv, CalibrationsBecomeLenses) {
               std::string::npos);
     write("photos/a.png", png_bytes(ImageU8(64, 40, 3))),
         write("photos/b.png", png_bytes(ImageU8(64, 40, 3)));
-    EXPECT_TRUE(run("photos other --calibration lens.yml").says("made for 640x480 pixels"));
+    EXPECT_TRUE(run("photos other --calibration lens.yml").says("calibrated for 640x480 pixels"));
 }
 
 /// Image of a marker on a white floor: each pixel's ray meets z = 0 on the paper.
@@ -149,14 +149,14 @@ TEST_F(OpenCv, MarkersMakeTheSceneMetric) {
     store(0, other);
     const Result r = run("photos scene --marker-size 0.2 --marker-dictionary DICT_APRILTAG_36h11");
     ASSERT_EQ(r.code, 0) << r;
-    EXPECT_TRUE(r.says("metric by 1 markers, seen 3 times")) << r;
+    EXPECT_TRUE(r.says("Metric scale from 1 markers, seen 3 times")) << r;
     const SparseModel metric = read_sparse_model((folder / "scene/sparse/0").string());
     for (std::size_t i = 0; i < 3; ++i) {
         const Vec3d eye = inverse(metric.images[i].camera_from_world()).t;
         EXPECT_NEAR(norm(eye - eyes[i]), 0, 0.005) << i;  // half a pixel is 0.9 mm there
     }
     EXPECT_TRUE(run("photos x --marker-size 0.2 --marker-dictionary AR").says("DICT_4X4_50"));
-    EXPECT_TRUE(run("photos x --marker-size 0.2").says("0 markers were found in 3 photographs"));
+    EXPECT_TRUE(run("photos x --marker-size 0.2").says("0 markers in 3 photographs"));
 }
 
 TEST_F(OpenCv, VideosGiveSharpFramesThatMoved) {
@@ -198,14 +198,14 @@ TEST_F(OpenCv, VideosGiveSharpFramesThatMoved) {
     fs::remove_all(folder / "frames");
     fs::create_directories(folder / "frames");
     EXPECT_EQ(extract_frames((folder / "walk.avi").string(), (folder / "frames").string(), 5), 5);
-    expect_error(ExitCode::input, "not a video that OpenCV reads",
+    expect_error(ExitCode::input, "cannot read it as a video",
                  [&] { extract_frames(write("no.avi", "no video"), folder.string(), 5); });
 
     // The whole command; the first frame is always selected.
     store(0, made_model({"frame_00000.jpg"}));
     const Result r = run("walk.avi scene --frames 5 --min-share 20");
     ASSERT_EQ(r.code, 0) << r;
-    EXPECT_TRUE(r.says("walk.avi: 5 frames taken")) << r;
+    EXPECT_TRUE(r.says("walk.avi: took 5 frames")) << r;
     EXPECT_NE(text("calls.txt").find("sequential_matcher"), std::string::npos);
 }
 

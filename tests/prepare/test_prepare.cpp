@@ -38,11 +38,11 @@ TEST_F(Prepare, PhotographsBecomeAScene) {
     const Result r = run("photos scene");
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(r.says("5 of 6 photographs have poses")) << r;
-    EXPECT_TRUE(r.says("residual 0.75 px on average")) << r;
-    EXPECT_TRUE(r.says("IMG_4.JPG: without a pose; 120 features where others have 1000")) << r;
+    EXPECT_TRUE(r.says("Reprojection error 0.75 px on average")) << r;
+    EXPECT_TRUE(r.says("IMG_4.JPG: no pose; 120 features, others have 1000")) << r;
     EXPECT_TRUE(r.says("between IMG_3.JPG and b/1.png")) << r;
-    EXPECT_TRUE(r.says("1 files are left out, such as photos/b/raw.CR2")) << r;
-    EXPECT_TRUE(r.says("next: tvsgs-train --scene scene")) << r;
+    EXPECT_TRUE(r.says("Skipped 1 files, such as photos/b/raw.CR2")) << r;
+    EXPECT_TRUE(r.says("Next, train on it:\n    tvsgs-train --scene scene")) << r;
     EXPECT_FALSE(fs::exists(folder / "scene/images/IMG_4.JPG"));
     EXPECT_FALSE(fs::exists(folder / "scene.log"));
     EXPECT_NE(text("scene/prepare.log").find("I am mapper"), std::string::npos);
@@ -122,7 +122,7 @@ TEST_F(Prepare, TheSceneIsMadeInTheFolderThatIsThere) {
         write("also_mapper", "mkdir -p " + scene + "/images; echo mine >" + scene + "/images/x");
         r = run("photos " + scene);
         EXPECT_EQ(r.code, 6) << r;
-        EXPECT_TRUE(r.says("cannot be put there")) << r;
+        EXPECT_TRUE(r.says("cannot move the result there")) << r;
         const std::string before_it = "is kept in ";
         const std::size_t at = r.err.find(before_it) + before_it.size(), end = r.err.find(": make");
         ASSERT_LT(at, end) << r;
@@ -144,7 +144,7 @@ TEST_F(Prepare, OptionsThatWouldDoNothingAreRefused) {
           "photos scene --markers-on wall", "photos scene --marker-dictionary DICT_4X4_50"}) {
         const Result r = run(wrong);
         EXPECT_EQ(r.code, 2) << r;
-        EXPECT_TRUE(r.says("leave") || r.says("it is for a video") || r.says("which is missing"))
+        EXPECT_TRUE(r.says("leave") || r.says("only for a video") || r.says("which is missing"))
             << r;
     }
 }
@@ -191,10 +191,10 @@ TEST_F(Prepare, TheLargestPieceIsKept) {
     store(0, made_model(small)), store(1, made_model(large));
     const Result r = run("photos scene");
     ASSERT_EQ(r.code, 0) << r;
-    EXPECT_TRUE(r.says("2 pieces that do not hang together, of 3, 2")) << r;
+    EXPECT_TRUE(r.says("2 separate groups, of 3, 2")) << r;
     EXPECT_TRUE(
-        r.says("a.png and b.png: without a pose beside the others, but they fit each "
-               "other: photograph what lies towards c.png"))
+        r.says("a.png and b.png: connected with each other, not with the rest: add photographs "
+               "towards c.png"))
         << r;
     EXPECT_EQ(read_sparse_model((folder / "scene/sparse/0").string()).images.size(), 3u);
 }
@@ -205,7 +205,7 @@ TEST_F(Prepare, TooFewPosesAreAnError) {
     Result r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
     EXPECT_TRUE(r.says("2 of 5 photographs have poses, expected 50 % or more")) << r;
-    EXPECT_TRUE(r.says("c.png to e.png (3 photographs): without a pose; too little overlap")) << r;
+    EXPECT_TRUE(r.says("c.png to e.png (3 photographs): no pose; too little overlap")) << r;
     EXPECT_TRUE(r.says("--min-share 40")) << r;
     expect_nothing_left();
     r = run("photos scene --min-share 40");
@@ -217,7 +217,7 @@ TEST_F(Prepare, TooFewPosesAreAnError) {
     fs::remove_all(folder / "scene");
     r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("nothing to begin with among the 5 photographs")) << r;
+    EXPECT_TRUE(r.says("no camera positions for the 5 photographs")) << r;
     expect_nothing_left();
 }
 
@@ -228,7 +228,7 @@ TEST_F(Prepare, WhatFailsIsSaidAndLeavesNothing) {
         write("fail_" + step, "");
         const Result r = run("photos scene");
         EXPECT_EQ(r.code, 3) << r;
-        EXPECT_TRUE(r.says("colmap " + step + " failed (exit code 1); the end of " +
+        EXPECT_TRUE(r.says("colmap " + step + " failed (exit code 1); last lines of " +
                            (folder / "scene.log").string()))
             << r;
         EXPECT_TRUE(r.says("this is why")) << r;
@@ -268,7 +268,7 @@ TEST_F(Prepare, ASignalEndsColmapAsWell) {
 TEST_F(Prepare, WhatIsMissingOrThereAlready) {
     Result r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("photos: no such folder of photographs")) << r;
+    EXPECT_TRUE(r.says("photos: no such folder or video")) << r;
     photo("a.png");
     r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
@@ -281,7 +281,7 @@ TEST_F(Prepare, WhatIsMissingOrThereAlready) {
     write("photos/b/broken.png", "\x89PNG");
     r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("photos/b/broken.png: not a readable image")) << r;
+    EXPECT_TRUE(r.says("photos/b/broken.png: cannot read it as an image")) << r;
     fs::remove(folder / "photos/b/broken.png");
     // Known cameras.
     store(0, made_model(kNames));
@@ -289,11 +289,13 @@ TEST_F(Prepare, WhatIsMissingOrThereAlready) {
     fs::copy(folder / "models/0", folder / "sparse/0");
     r = run("photos scene");
     EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("its cameras are known already, by " + (folder / "sparse/0").string())) << r;
+    EXPECT_TRUE(
+        r.says("these photographs have cameras already, in " + (folder / "sparse/0").string()))
+        << r;
     EXPECT_EQ(run("photos scene --anew").code, 0);
     r = run("photos scene --anew");
     EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("exists and is not an empty folder")) << r;
+    EXPECT_TRUE(r.says("already exists and is not empty")) << r;
     expect_error(ExitCode::input, "cut off", [&] {
         write("short/cameras.bin", "abc");
         read_sparse_model((folder / "short").string());
