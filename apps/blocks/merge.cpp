@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "apps/blocks/subcommands.h"
+#include "core/grouped.h"
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
@@ -54,9 +55,9 @@ int merge(const MergeArguments& a) {
     for (const FileRecord& file : manifest.files)
         if (const auto fault = fault_of(manifest.folder, file);
             fault && file.name.find('/') == std::string::npos)
-            throw Error(ExitCode::input, str(manifest.folder, "/", file.name, " ", *fault,
-                                             "; run tvsgs-blocks split again, into another "
-                                             "folder"));
+            throw Error(ExitCode::input,
+                        str(manifest.folder, "/", file.name, " ", *fault,
+                            "; run tvsgs-blocks split again, into another folder"));
     const std::vector<BlockResult> results = require_results(manifest);
     RunOptions options;
     OptionTable table;
@@ -65,8 +66,8 @@ int merge(const MergeArguments& a) {
     table.set("scene.path", a.scene.empty() ? manifest.scene : a.scene, "--scene");
     if (lies_in(a.out, manifest.folder))
         throw Error(ExitCode::usage,
-                    str("--out ", a.out, ": lies in the folder of the blocks, ", manifest.folder,
-                        ", whose runs it might replace; name a place outside of it"));
+                    str("--out ", a.out, ": lies inside the folder of the blocks, ",
+                        manifest.folder, "; choose a folder outside"));
     require_free_run_folder(a.out, a.overwrite, false, options.scene);
 
     // 1. The splats inside of each block's cell, then the far splats.
@@ -92,7 +93,7 @@ int merge(const MergeArguments& a) {
     const Gaussians<Cpu> whole = join_splats(parts, options.train.model.sh_degree);
     if (whole.size() == 0)
         throw Error(ExitCode::input,
-                    str(manifest.folder, ": no splat of any block lies in its cell"));
+                    str(manifest.folder, ": no block has a splat inside its cell"));
     const std::string cameras = cameras_of_blocks(manifest);
     read_sky(options.train.loss.photometric, manifest.folder);
 
@@ -116,14 +117,14 @@ int merge(const MergeArguments& a) {
                 .add("far_splats", far));
     if (far_reach > 0)
         spdlog::info(
-            "{} splats reach farther than the margin of {:.4g} (three standard "
-            "deviations): what is beyond was not trained with them",
-            far_reach, manifest.margin);
+            "{} splats reach beyond the margin of {:.4g}; a larger --margin at split avoids seams",
+            grouped(far_reach), manifest.margin);
     spdlog::info(
-        "{}: {} splats of {} blocks, {} more across the cuts, {} of the coarse run far away; "
-        "{:.1f} s of training in all, {:.1f} s the longest block",
-        a.out, own, manifest.count(), whole.size() - own - far, far, seconds, longest);
-    say_next({"tvsgs-extract-mesh", "--model", a.out}, "makes the surface");
+        "{}: {} splats of {} blocks, {} of neighbour blocks at the cuts, {} far ones of the coarse "
+        "run; training took {:.1f} s, {:.1f} s the longest block",
+        a.out, grouped(own), manifest.count(), grouped(whole.size() - own - far), grouped(far),
+        seconds, longest);
+    say_next({"tvsgs-extract-mesh", "--model", a.out}, "make the mesh");
     return 0;
 }
 
@@ -131,17 +132,17 @@ int merge(const MergeArguments& a) {
 
 BlocksCommand add_blocks_merge(CLI::App& app) {
     const auto a = std::make_shared<MergeArguments>();
-    CLI::App* const command = app.add_subcommand("merge", "put the blocks together to one run");
+    CLI::App* const command = app.add_subcommand("merge", "merge the blocks into one run");
     add_blocks_folder(*command, a->folder);
     command->add_option("-o,--out", a->out, "run folder to write")->required();
-    command->add_option("-s,--scene", a->scene, "folder of the scene [where it was split]");
+    command->add_option("-s,--scene", a->scene, "folder of the scene [as when it was split]");
     command
         ->add_option("--fade", a->fade,
-                     "over how many of its standard deviations to either side of a cut a splat "
-                     "fades into the neighbour's; 0: each is of the block that its centre is in")
+                     "standard deviations of a splat over which it fades out on either side of a "
+                     "cut; 0: hard cut at its centre")
         ->check(in_range(0.0, 10.0))
         ->capture_default_str();
-    command->add_flag("--overwrite", a->overwrite, "replace the run in an occupied folder");
+    command->add_flag("--overwrite", a->overwrite, "replace an earlier run in the folder");
     return {command, [a](bool) { return merge(*a); }};
 }
 

@@ -11,6 +11,7 @@
 
 #include "apps/blocks/subcommands.h"
 #include "apps/train/command.h"
+#include "core/grouped.h"
 #include "core/progress.h"
 #include "io/files/json_value.h"
 #include "io/files/manifest.h"
@@ -54,10 +55,9 @@ void check_scene(const BlocksManifest& manifest, const std::string& scene) {
     RunOptions options = whole_options(manifest);
     options.scene.path = scene;
     if (const std::uint32_t found = scene_identity(options.scene); found != manifest.scene_crc)
-        throw Error(
-            ExitCode::input,
-            str(scene, ": its images or cameras are not those of the scene that ", manifest.folder,
-                " was split from; name that one by --scene, or split again"));
+        throw Error(ExitCode::input,
+                    str(scene, ": other images or cameras than when ", manifest.folder,
+                        " was split; give that scene with --scene, or split again"));
 }
 
 namespace {
@@ -137,14 +137,12 @@ int run_block(const RunArguments& a, bool quiet) {
     const BlockInputs inputs = read_block_inputs(manifest, a.block);
     const BlockLock lock(folder);
     if (lock.held())
-        throw Error(ExitCode::usage, str("block ", a.block,
-                                         ": another tvsgs-blocks is training it "
-                                         "in ",
+        throw Error(ExitCode::usage, str("block ", a.block, ": another tvsgs-blocks trains it in ",
                                          folder, "; wait for it"));
     if (!a.again)
         if (const auto done = read_block_result(manifest, a.block)) {
-            spdlog::info("block {}: done already, {} splats; --again trains it anew", a.block,
-                         done->splats);
+            spdlog::info("Block {} is done, {} splats; --again trains it again", a.block,
+                         grouped(done->splats));
             return 0;
         }
     const std::string scene = a.scene.empty() ? manifest.scene : a.scene;
@@ -168,9 +166,9 @@ int run_block(const RunArguments& a, bool quiet) {
     result.files = {record_of(folder, fs::path(splats).lexically_relative(folder).string()),
                     record_of(folder, "run/config.json")};
     write_block_result(manifest, result);
-    spdlog::info("block {} of {}: done, {} splats in {:.1f} s", a.block, manifest.count(),
-                 result.splats, result.seconds);
-    say_next({"tvsgs-blocks", "status", a.folder}, "says what is left to do");
+    spdlog::info("Block {} of {} is done: {} splats in {:.1f} s", a.block, manifest.count(),
+                 grouped(result.splats), result.seconds);
+    say_next({"tvsgs-blocks", "status", a.folder}, "see what is left to do");
     return 0;
 }
 
@@ -179,29 +177,29 @@ int run_block(const RunArguments& a, bool quiet) {
 BlocksCommand add_blocks_run(CLI::App& app) {
     const auto a = std::make_shared<RunArguments>();
     CLI::App* const command = app.add_subcommand(
-        "run", "train one block, or all; what is done stays, what was stopped goes on");
+        "run", "train one block, or all; skips finished blocks, continues stopped ones");
     add_blocks_folder(*command, a->folder);
-    CLI::Option* const block = command->add_option("--block", a->block, "which one, from 1 on");
+    CLI::Option* const block =
+        command->add_option("--block", a->block, "number of the block to train, from 1");
     CLI::Option* const gpus =
         command->add_option("--gpus", a->gpus,
-                            "all, or numbers such as 0,2: train all blocks that are not done, one "
-                            "on each GPU at a time");
+                            "train all unfinished blocks on these GPUs, one block per GPU at a "
+                            "time: all, or numbers such as 0,2");
     CLI::Option* const jobs =
         command
-            ->add_option("--jobs", a->jobs,
-                         "train all blocks that are not done on the CPU, so many at a time")
+            ->add_option("--jobs", a->jobs, "train all unfinished blocks on the CPU, N at a time")
             ->check(CLI::Range(1, 1024));
-    command->add_option("-s,--scene", a->scene, "folder of the scene [where it was split]");
+    command->add_option("-s,--scene", a->scene, "folder of the scene [as when it was split]");
     CLI::Option* const device =
         command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
     command
         ->add_option("--checkpoint-every", a->checkpoint_every,
-                     "iterations between checkpoints; 0: only when the run is stopped")
+                     "iterations between checkpoints; 0: only when stopped")
         ->check(CLI::Range(0, 1000000000));
-    command->add_option("--set", a->settings, "KEY=VALUE for tvsgs-train")->expected(1)->take_all();
+    command->add_option("--set", a->settings, "key for tvsgs-train")->expected(1)->take_all();
     CLI::Option* const again =
-        command->add_flag("--again", a->again, "from the beginning, whatever is there");
-    command->add_option("--progress", a->progress, "auto, plain or json")
+        command->add_flag("--again", a->again, "train from the beginning, even if finished");
+    command->add_option("--progress", a->progress, "form of the progress: auto, plain or json")
         ->check(CLI::IsMember({"auto", "plain", "json"}));
     gpus->excludes(block)->excludes(jobs)->excludes(device)->excludes(again);
     jobs->excludes(block)->excludes(device)->excludes(again);
@@ -209,8 +207,8 @@ BlocksCommand add_blocks_run(CLI::App& app) {
                 if (block->count() > 0) return run_block(*a, quiet);
                 if (gpus->count() + jobs->count() == 0)
                     throw Error(ExitCode::usage,
-                                "expected --block N for one block, --gpus all for all blocks on "
-                                "the GPUs of this machine, or --jobs N for all on its CPU");
+                                "give --block N for one block, --gpus all for all blocks on the "
+                                "GPUs, or --jobs N for all on the CPU");
                 if (!quiet && a->progress != "auto")
                     set_progress_style(a->progress == "json" ? ProgressStyle::json
                                                              : ProgressStyle::plain);

@@ -97,7 +97,7 @@ public:
                 progress_text(str("block ", b.block, " on ", b.place), b.seconds, b.share, b.left));
         if (progress_in_place())
             lines.push_back(
-                str(done, " blocks done, ", running.size(), " in training, ", waiting, " waiting"));
+                str(done, " blocks done, ", running.size(), " training, ", waiting, " waiting"));
         show_progress_lines(lines);
     }
 
@@ -113,10 +113,9 @@ int run_all_blocks(const RunArguments& a) {
         read_manifest(fs::absolute(a.folder).lexically_normal().string());
     const BlockLock lock(manifest.folder);
     if (lock.held())
-        throw Error(ExitCode::usage,
-                    str(a.folder,
-                        ": another tvsgs-blocks run trains all of its blocks; wait for "
-                        "it, or stop it"));
+        throw Error(
+            ExitCode::usage,
+            str(a.folder, ": another tvsgs-blocks run trains all blocks; wait for it, or stop it"));
     const RunOptions options = whole_options(manifest, a.settings);
     BlockSchedule schedule;
     schedule.places = places_of(a);
@@ -151,9 +150,9 @@ int run_all_blocks(const RunArguments& a) {
     const double begin = steady_seconds();
     const std::vector<BlockFailure> failures = run_blocks(jobs, schedule);
     if (failures.empty()) {
-        spdlog::info("all {} blocks are done, {} of them in {:.0f} s", manifest.count(),
+        spdlog::info("All {} blocks are done, {} of them in {:.0f} s", manifest.count(),
                      jobs.size(), steady_seconds() - begin);
-        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "puts them together");
+        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "merge them");
         return 0;
     }
     std::vector<int> blocks;
@@ -162,8 +161,7 @@ int run_all_blocks(const RunArguments& a) {
                 str(a.folder, ": ", manifest.count() - static_cast<int>(blocks.size()), " of ",
                     manifest.count(), " blocks are done; block", blocks.size() > 1 ? "s " : " ",
                     block_list(blocks),
-                    " failed twice, for the reason above; the same command "
-                    "goes on with what is left"));
+                    " failed twice, see above; the same command continues with the rest"));
 }
 
 }  // namespace tvsgs

@@ -43,9 +43,9 @@ int print_job(const SlurmArguments& a) {
 BlocksCommand add_blocks_slurm(CLI::App& app) {
     const auto a = std::make_shared<SlurmArguments>();
     CLI::App* const command =
-        app.add_subcommand("slurm", "print a job array for sbatch, with a task for each block");
+        app.add_subcommand("slurm", "print a job array for sbatch, one task per block");
     add_blocks_folder(*command, a->folder);
-    command->add_option("--device", a->device, "cuda, a GPU for each task, or cpu")
+    command->add_option("--device", a->device, "cuda (one GPU per task) or cpu")
         ->check(CLI::IsMember({"cuda", "cpu"}));
     return {command, [a](bool) { return print_job(*a); }};
 }

@@ -5,6 +5,7 @@
 #include "apps/blocks/subcommands.h"
 #include "apps/common/key_flags.h"
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "core/scene/splat_lists.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
@@ -35,20 +36,19 @@ constexpr const char* kUnfinished = "/split-unfinished";
 void require_free_folder(const std::string& out) {
     std::error_code code;
     if (fs::exists(out + "/manifest.json", code))
-        throw Error(ExitCode::usage,
-                    str("--out ", out,
-                        ": holds a scene that was split already; name another folder, or remove it "
-                        "with all that was trained in it"));
+        throw Error(ExitCode::usage, str("--out ", out,
+                                         ": holds a split scene; choose another folder, or remove "
+                                         "it and all its trained blocks"));
     if (!fs::exists(out, code) || fs::exists(out + kUnfinished, code)) return;
     if (!fs::is_directory(out, code) || !fs::is_empty(out, code))
         throw Error(ExitCode::usage,
-                    str("--out ", out, ": exists and is not an empty folder; choose another"));
+                    str("--out ", out, ": already exists and is not empty; choose another folder"));
 }
 
 /// Trains the coarse run in BLOCKS/coarse, or resumes it.
 std::string train_coarse(const SplitArguments& a, bool quiet) {
     const std::string run = a.out + "/coarse";
-    spdlog::info("the coarse run, in {}", run);
+    spdlog::info("Training the coarse run in {}", run);
     std::vector<std::string> words{"tvsgs-train",
                                    "--scene",
                                    a.scene,
@@ -91,12 +91,11 @@ void check_supported(const RunOptions& options) {
     if (!options.train.tv.fixed_voters.empty())
         throw Error(ExitCode::usage,
                     str(options.train.tv.fixed_voters,
-                        ": measured points (tv.fixed_voters) are not divided among blocks yet; "
-                        "leave them out"));
+                        ": blocks cannot use measured points (tv.fixed_voters); remove them"));
     if (options.train.cameras.refine)
         spdlog::warn(
-            "cameras.refine: blocks keep the scene's poses, as each would move shared "
-            "ones elsewhere; for refined ones split the scene with those of a run");
+            "cameras.refine is off in blocks, which must share their poses; to use refined poses, "
+            "split the scene with the poses of a run");
 }
 
 /// Settings of one block: the whole scene's without its view lists; rates and sizes relative
@@ -171,8 +170,8 @@ FileRecord write_block(const Splitting& s,
     }
     for (const std::string& file : files) inputs.files.push_back(record_of(folder, file));
     write_block_inputs(manifest, inputs);
-    spdlog::info("block {}: {} views, {} points, {} fixed splats around it", number, inputs.views,
-                 inputs.points, inputs.fixed_splats);
+    spdlog::info("Block {}: {} photographs, {} points, {} fixed splats around it", number,
+                 inputs.views, grouped(inputs.points), grouped(inputs.fixed_splats));
     return record_of(manifest.folder, manifest.block_name(number) + "/block.json");
 }
 
@@ -186,14 +185,14 @@ std::string commands_text(const BlocksManifest& manifest) {
 
 int split_scene(SplitArguments a, bool quiet) {
     if ((a.split.blocks > 0) == (a.split.max_splats > 0))
-        throw Error(ExitCode::usage, "expected either --blocks N or --max-splats N");
+        throw Error(ExitCode::usage, "give either --blocks N or --max-splats N");
     if (a.scene.empty() && a.coarse.empty())
-        throw Error(ExitCode::usage,
-                    "expected --scene DIR, or --coarse RUN, which names its scene");
+        throw Error(ExitCode::usage, "give --scene DIR, or --coarse RUN, which knows its scene");
     if (!a.up.empty()) {
         const Vec3d up{a.up[0], a.up[1], a.up[2]};
         if (!(norm(up) > 0))
-            throw Error(ExitCode::usage, "--up: expected a direction, as 0,0,1; found no length");
+            throw Error(ExitCode::usage,
+                        "--up: expected a direction such as 0,0,1, found length 0");
         a.split.up = up;
     }
     while (a.out.size() > 1 && a.out.back() == '/') a.out.pop_back();
@@ -262,7 +261,7 @@ int split_scene(SplitArguments a, bool quiet) {
     if (has_exposures(run)) {  // all blocks use the exposures of the coarse run
         write_text_file(a.out + "/exposure.json", read_bytes(run + "/exposure.json"));
         manifest.files.push_back(record_of(a.out, "exposure.json"));
-        spdlog::info("the exposures that {} has fitted are held in all blocks", run);
+        spdlog::info("All blocks use the exposures that {} fitted", run);
     }
     if (has_sky_file(run)) {
         write_text_file(a.out + "/sky.png", read_bytes(run + "/sky.png"));
@@ -275,9 +274,10 @@ int split_scene(SplitArguments a, bool quiet) {
     write_text_file(a.out + "/commands.txt", commands_text(manifest));
     write_manifest(manifest);
     fs::remove(a.out + kUnfinished);
-    spdlog::info("{}: {} blocks with margins of {:.4g}", a.out, manifest.count(), manifest.margin);
+    spdlog::info("Wrote {}: {} blocks with margins of {:.4g}", a.out, manifest.count(),
+                 manifest.margin);
     const std::string what =
-        "trains the blocks; a batch system takes a line of commands.txt for each";
+        "train the blocks (commands.txt has a line per block for a batch system)";
     if (device.cuda)
         say_next({"tvsgs-blocks", "run", a.out, "--gpus", "all"}, what);
     else
@@ -290,49 +290,46 @@ int split_scene(SplitArguments a, bool quiet) {
 BlocksCommand add_blocks_split(CLI::App& app) {
     const auto a = std::make_shared<SplitArguments>();
     CLI::App* const command = app.add_subcommand(
-        "split",
-        "cut a scene into blocks by a coarse run of the whole, which is trained if absent");
+        "split", "cut a scene into blocks by a coarse run of the whole scene, trained if missing");
     command->add_option("-s,--scene", a->scene, "folder of the scene [that of --coarse]");
     command->add_option("-o,--out", a->out, "folder to write")->required();
     CLI::Option* const coarse = command->add_option(
         "--coarse", a->coarse,
-        "finished run of the whole [trained in OUT/coarse on smaller photographs]");
-    command->add_option("--blocks", a->split.blocks, "how many [by --max-splats]")
+        "finished run of the whole scene [trained in OUT/coarse on smaller photographs]");
+    command->add_option("--blocks", a->split.blocks, "number of blocks [by --max-splats]")
         ->check(CLI::Range(1, 4096));
     command
         ->add_option("--max-splats", a->split.max_splats,
-                     "as many blocks as keep each, with its margin, below so many splats [any]")
+                     "most splats of a block, with its margin; decides the number of blocks [any]")
         ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}));
     command
-        ->add_option("--margin", a->split.margin,
-                     "that blocks train beyond their cells, world units [by cells, votes and "
-                     "voxels]")
+        ->add_option(
+            "--margin", a->split.margin,
+            "width that blocks train beyond their cells, world units [by cells, votes and voxels]")
         ->check(kPositive);
-    command->add_option("--up", a->up, "direction x,y,z [by the cameras]")
+    command->add_option("--up", a->up, "direction of up, x,y,z [by the cameras]")
         ->delimiter(',')
         ->expected(3)
         ->type_name("X,Y,Z");
     CLI::Option* const resolution =
         command->add_option("-r,--resolution", a->resolution,
-                            "of the blocks: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a "
-                            "target width [-1, or that of --coarse]");
-    command->add_option("--iterations", a->iterations, "of each block [those of the coarse run]")
+                            "photographs of the blocks: 1, 2, 4, 8 divide the size; -1: at most "
+                            "1600 px wide; other: width in pixels [-1, or that of --coarse]");
+    command
+        ->add_option("--iterations", a->iterations,
+                     "training iterations of each block [those of the coarse run]")
         ->check(CLI::Range(1, 1000000000));
     command
         ->add_option("--coarse-resolution", a->coarse_resolution,
-                     "of the coarse run's photographs, as -r")
+                     "photographs of the coarse run, as -r")
         ->excludes(coarse);
-    command->add_option("--coarse-splats", a->coarse_splats, "at most, of the coarse run")
+    command->add_option("--coarse-splats", a->coarse_splats, "most splats of the coarse run")
         ->excludes(coarse);
     command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
-    command
-        ->add_option("-c,--config", a->configs,
-                     "JSON file, as tvsgs-train takes it; later ones win")
+    command->add_option("-c,--config", a->configs, "JSON file for tvsgs-train; later files win")
         ->expected(1)
         ->take_all();
-    command->add_option("--set", a->settings, "KEY=VALUE, as tvsgs-train takes it")
-        ->expected(1)
-        ->take_all();
+    command->add_option("--set", a->settings, "key for tvsgs-train")->expected(1)->take_all();
     return {command, [a, resolution](bool quiet) {
                 a->has_resolution = resolution->count() > 0;
                 return split_scene(*a, quiet);

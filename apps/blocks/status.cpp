@@ -82,7 +82,7 @@ int status(const StatusArguments& a) {
     if (a.json) std::printf("%s\n", json_text(list).c_str());
     if (a.missing && !missing.empty()) std::printf("%s\n", block_list(missing).c_str());
     if (missing.empty() && !a.missing && !a.json)
-        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "puts them together");
+        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "merge them");
     return missing.empty() ? 0 : static_cast<int>(ExitCode::input);
 }
 
@@ -91,10 +91,10 @@ int status(const StatusArguments& a) {
 BlocksCommand add_blocks_status(CLI::App& app) {
     const auto a = std::make_shared<StatusArguments>();
     CLI::App* const command = app.add_subcommand(
-        "status", "say of each block whether it waits, trains, was stopped, is done or damaged");
+        "status", "print the state of each block: waiting, training, stopped, done or damaged");
     add_blocks_folder(*command, a->folder);
-    const auto missing = command->add_flag("--missing", a->missing,
-                                           "print the blocks that are not done alone, as 3,7-9");
+    const auto missing = command->add_flag(
+        "--missing", a->missing, "print only the numbers of unfinished blocks, such as 3,7-9");
     command->add_flag("--json", a->json, "print JSON")->excludes(missing);
     return {command, [a](bool) { return status(*a); }};
 }

@@ -23,7 +23,7 @@ BlocksCommand add_blocks_merge(CLI::App& app);
 
 /// BLOCKS, the folder that all subcommands but `split` read.
 inline void add_blocks_folder(CLI::App& command, std::string& folder) {
-    command.add_option("folder,-b,--blocks", folder, "folder that tvsgs-blocks split has written")
+    command.add_option("folder,-b,--blocks", folder, "folder written by tvsgs-blocks split")
         ->required();
 }
 

@@ -8,6 +8,11 @@ namespace {
 int command(int argc, char** argv) {
     bool quiet = false;
     CLI::App app{"Trains scenes larger than one GPU in blocks.", "tvsgs-blocks"};
+    app.footer(
+        "Example:\n"
+        "  tvsgs-blocks split --scene SCENE --out BLOCKS --blocks 4\n"
+        "  tvsgs-blocks run BLOCKS --gpus all\n"
+        "  tvsgs-blocks merge BLOCKS --out RUN");
     app.require_subcommand(1);
     const BlocksCommand commands[] = {add_blocks_split(app), add_blocks_run(app),
                                       add_blocks_slurm(app), add_blocks_status(app),

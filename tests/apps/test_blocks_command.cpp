@@ -221,7 +221,7 @@ TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
     }
     expect_message(merge(), 3, {"block 2", "point_cloud.ply is damaged", "--block 2 --again"});
     fs::resize_file(splats(bad, 2), 100);
-    expect_message(merge(), 3, {"block 2", "100 bytes instead of"});
+    expect_message(merge(), 3, {"block 2", "100 bytes, expected"});
     copy("bad");
     json done = json::parse(contents(block(bad, 3) / "done.json"));
     done["version"] = 3;
@@ -238,7 +238,7 @@ TEST_F(BlocksCommand, SingleBlocksRunAgainWithTheSameBits) {
     copy("again");
     const std::string before = contents(splats("again", 2));
     const auto written = fs::last_write_time(splats("again", 2));
-    expect_message(train("again", 2), 0, {"done already"});
+    expect_message(train("again", 2), 0, {"is done"});
     EXPECT_EQ(fs::last_write_time(splats("again", 2)), written);
     EXPECT_EQ(train("again", 2, "--again").code, 0);
     EXPECT_NE(fs::last_write_time(splats("again", 2)), written);
@@ -267,10 +267,10 @@ TEST_F(BlocksCommand, WhatIsRefusedLeavesBlocksAsTheyWere) {
     expect_message(train("safe", 1, "--again --scene nowhere"), 3, {"nowhere"});
     for (const char* out : {"safe", "safe/block_001/run", "safe/merged", "./safe/../safe/run"})
         expect_message(bin(std::string("tvsgs-blocks merge safe --overwrite --out ") + out), 2,
-                       {"lies in the folder of the blocks"});
+                       {"lies inside the folder of the blocks"});
     expect_message(bin("tvsgs-eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --out "
                        "safe/manifest.json"),
-                   2, {"safe/manifest.json", "name another place"});
+                   2, {"safe/manifest.json", "choose another"});
     EXPECT_EQ(files(), before);
     expect_message(bin("tvsgs-blocks merge safe --out none --fade nan"), 2, {"--fade", "nan"});
     expect_message(bin("tvsgs-blocks split --coarse coarse --coarse-splats 9 --out x --blocks 2"),
@@ -341,14 +341,14 @@ TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
     release.join();
     expect_message(run, 0,
                    {"block 2 failed on cpu", "exit code 2: error: block 2: another tvsgs-blocks",
-                    "block 2 is done, 3 of 3", "next: tvsgs-blocks merge all"});
+                    "Block 2 is done, 3 of 3", "    tvsgs-blocks merge all"});
     for (int b = 1; b <= kBlocks; ++b) {
         EXPECT_EQ(contents(splats("all", b)), contents(splats("blocks", b)));
         const std::string log = contents(block("all", b) / "train.log");
         EXPECT_NE(log.find("done, "), std::string::npos) << log;
         EXPECT_EQ(log.find("\"iteration\""), std::string::npos) << log;
     }
-    expect_message(bin("tvsgs-blocks run all --jobs 2"), 0, {"all 3 blocks are done, 0 of them"});
+    expect_message(bin("tvsgs-blocks run all --jobs 2"), 0, {"All 3 blocks are done, 0 of them"});
 }
 
 TEST_F(BlocksCommand, AllBlocksStopBySignalAndGoOn) {
@@ -374,7 +374,7 @@ TEST_F(BlocksCommand, ABlockThatFailsTwiceLeavesItsCode) {
     fs::remove_all(block("gone", 2));
     fs::remove(block("gone", 3) / "done.json");
     expect_message(bin("tvsgs-blocks run gone --jobs 2"), 3,
-                   {"block_002 is missing; run tvsgs-blocks split again", "block 3 is done, 1 of 2",
+                   {"block_002 is missing; run tvsgs-blocks split again", "Block 3 is done, 1 of 2",
                     "gone: 2 of 3 blocks are done; block 2 failed twice"});
 }
 
@@ -410,14 +410,14 @@ TEST_F(BlocksCommand, SlurmTasksTrainABlockEach) {
     expect_message(run_script(folder_, "PATH=" TVSGS_BIN_DIR
                                        ":$PATH SLURM_ARRAY_TASK_ID=2 sh job.sh --set tv.k=21 "
                                        ">out.txt 2>err.txt"),
-                   0, {"block 2: done already"});
+                   0, {"block 2: is done"});
 }
 
 TEST_F(BlocksCommand, RefusesWhatCannotBe) {
     expect_message(bin("tvsgs-blocks split --coarse coarse --out blocks --blocks 2"), 2,
-                   {"was split already"});
+                   {"holds a split scene"});
     expect_message(bin("tvsgs-blocks split --coarse coarse --out scene --blocks 2"), 2,
-                   {"not an empty folder"});
+                   {"is not empty"});
     EXPECT_TRUE(fs::exists(folder_ / "scene/sparse/0/images.txt"));  // nothing of it was removed
     expect_message(bin("tvsgs-blocks split --coarse coarse --out x"), 2, {"--max-splats"});
     expect_message(bin("tvsgs-blocks split --out x --blocks 2"), 2, {"--coarse"});
@@ -429,10 +429,10 @@ TEST_F(BlocksCommand, RefusesWhatCannotBe) {
         bin("tvsgs-synth --out other --views 4 --width 32 --height 24 --points 500 --quiet").code,
         0);
     expect_message(bin("tvsgs-blocks split --coarse coarse --scene other --out x --blocks 2"), 3,
-                   {"other: is not the scene of coarse"});
+                   {"other: not the scene of coarse"});
     copy("moved");
     fs::remove(block("moved", 1) / "done.json");
-    expect_message(train("moved", 1, "--scene other"), 3, {"are not those of the scene"});
+    expect_message(train("moved", 1, "--scene other"), 3, {"other images or cameras"});
 }
 
 // Without a coarse run, split trains one; the number of blocks follows from the splats per block.
