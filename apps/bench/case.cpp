@@ -315,19 +315,18 @@ std::string CaseQuantity::fault() const {
     // Coordinates may be too coarse to tell any two targets apart.
     const bool may_be_empty = std::string_view(name) == "target_saliency";
     if (compared < kComparedShare * defined || (defined == 0 && !may_be_empty))
-        return str(name, " can be compared in ", compared, " of ", defined, " splats only, asked ",
+        return str(name, " can be compared in ", compared, " of ", defined, " splats, expected ",
                    100 * kComparedShare, " %");
     return {};
 }
 
 std::vector<std::string> CaseComparison::faults() const {
-    if (!same_length) return {"lists have another length than the oracle's"};
+    if (!same_length) return {"the lists and the lists of the oracle differ in length"};
     std::vector<std::string> list;
     for (const CaseQuantity& q : quantities)
         if (std::string text = q.fault(); !text.empty()) list.push_back(std::move(text));
     if (excused > kExcusedShare * splats)
-        list.push_back(str(excused, " of ", splats,
-                           " splats are beyond a bound by what rounding does to them, allowed ",
+        list.push_back(str(excused, " of ", splats, " splats exceed a bound by rounding, allowed ",
                            100 * kExcusedShare, " %"));
     return list;
 }
@@ -341,8 +340,8 @@ VotingCase read_voting_case(const std::string& path) {
     const auto expect_shape = [&](const char* name, std::vector<std::int64_t> wanted) {
         if (c.at(name).shape != wanted || c.at(name).is_text)
             throw Error(ExitCode::input,
-                        str(path, ": array '", name, "' has not the shape that belongs to ", count,
-                            " splats; expected a case of the oracle, "
+                        str(path, ": array '", name, "' has a wrong shape for ", count,
+                            " splats; expected a case of the oracle, from "
                             "tests/data/tensor_voting/tensor_voting.py --make"));
     };
     if (c.at("index").shape.size() == 2) c.k = static_cast<int>(c.at("index").shape[1]);

@@ -259,8 +259,8 @@ TrainOptions read_configuration(const std::vector<std::string>& files,
     const TrainOptions& o = options.train;
     if (o.tv.enabled || o.loss.tv_normal.weight > 0 || o.loss.tv_position.weight > 0)
         throw Error(ExitCode::usage,
-                    "--config: tensor voting is on, which tvsgs-bench vote times; expected "
-                    "tv.enabled = false and loss.tv_normal.weight = loss.tv_position.weight = 0");
+                    "--config: tensor voting is on; turn it off (tv.enabled=false, "
+                    "loss.tv_normal.weight=0, loss.tv_position.weight=0), or use tvsgs-bench vote");
     if (o.iterations < 1)
         throw Error(ExitCode::usage,
                     str("--config: iterations is ", o.iterations, "; expected 1 or more"));
@@ -349,60 +349,59 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
 }
 
 StagesBench::StagesBench(CLI::App& app)
-    : command_(app.add_subcommand("stages", "times of the parts of a training iteration")) {
+    : command_(app.add_subcommand("stages", "time the stages of a training iteration")) {
     CLI::App& c = *command_;
     std::vector<std::string> names;
     for (const StageCase& known : stage_cases()) names.push_back(known.name);
-    c.add_option("--case", cases_, "one of the synthetic views; all where not given")
+    c.add_option("--case", cases_, "a synthetic view [all]")
         ->expected(1)
         ->take_all()
         ->check(CLI::IsMember(names));
     c.add_option("--scale", scale_,
-                 "share of each case's splats and pixels; floors are given at 1 only")
+                 "factor on splats and pixels of each case; lower bounds are shown at 1 only")
         ->check(in_range(1e-6, 4.0))
         ->capture_default_str();
     c.add_option("--splats-scale", splats_scale_,
-                 "times as many splats, smaller ones: as many over each pixel")
+                 "factor on the number of splats, which get smaller: same count per pixel")
         ->check(in_range(1e-6, 100.0))
         ->capture_default_str();
     c.add_option("--pixels-scale", pixels_scale_,
-                 "times as many pixels, splats larger with them: as many over each pixel")
+                 "factor on the number of pixels, splats get larger: same count per pixel")
         ->check(in_range(1e-6, 100.0))
         ->capture_default_str();
-    CLI::Option* const channels = c.add_option("--channels", channels_, "what is rendered")
+    CLI::Option* const channels = c.add_option("--channels", channels_, "maps to render")
                                       ->check(CLI::IsMember({"color", "color_plane", "plane"}))
                                       ->capture_default_str();
     CLI::Option* const atomic = c.add_flag(
         "--atomic-sums", atomic_,
-        "gradients summed by floating-point atomics: what the same bits every time cost");
+        "sum gradients with floating-point atomics: shows the cost of deterministic sums");
     CLI::Option* const config =
-        c.add_option(
-             "-c,--config", configs_,
-             "JSON file of a training, later ones win: the iteration with all of its losses "
-             "as the last one has it, on splats of a surface that two views see")
+        c.add_option("-c,--config", configs_,
+                     "JSON file of a training; times its last iteration with all losses, on a "
+                     "surface that two views see; later files win")
             ->expected(1)
             ->take_all()
             ->excludes(channels)
             ->excludes(atomic);
-    c.add_option("--set", settings_, "KEY=VALUE for any key of the configuration")
+    c.add_option("--set", settings_, "any key of the configuration")
         ->expected(1)
         ->take_all()
         ->needs(config);
     c.add_option("--repetitions", repetitions_, "timed repetitions")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
-    c.add_option("--warm-up", warm_up_, "repetitions before these")
+    c.add_option("--warm-up", warm_up_, "repetitions before the timed ones")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
     c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    add_output_flag(c, "--out", out_, "JSON file to write as well");
+    add_output_flag(c, "--out", out_, "JSON file for the results, too");
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 
 int StagesBench::run() const {
     const DeviceChoice device = choose_device(device_);
     if (atomic_ && !device.cuda)
-        throw Error(ExitCode::usage, "--atomic-sums: only on a GPU; expected --device cuda");
+        throw Error(ExitCode::usage, "--atomic-sums: needs a GPU; give --device cuda");
     const Channels channels = channels_ == "color"         ? Channels::color
                               : channels_ == "color_plane" ? Channels::color_plane
                                                            : Channels::plane;
@@ -473,7 +472,7 @@ int StagesBench::run() const {
         if (training) std::fprintf(stderr, "  losses %s\n", json_text(losses).c_str());
         std::fprintf(stderr, "  counters %s\n", json_text(counters).c_str());
     }
-    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("{}: results", out_);
+    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("Results: {}", out_);
     return static_cast<int>(ExitCode::done);
 }
 

@@ -137,27 +137,26 @@ void print(const TrainTimes& plain,
 }  // namespace
 
 TrainBench::TrainBench(CLI::App& app)
-    : command_(app.add_subcommand("train", "real training by stage, and seconds to a PSNR")),
+    : command_(
+          app.add_subcommand("train", "time a real training by stage, and the seconds to a PSNR")),
       flags_(*command_, table_) {
     options_.add_to(table_);
     CLI::App& c = *command_;
     flags_.add_scene();
-    flags_.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
-               "Scene");
+    flags_.add("--init-ply", "scene.init_ply",
+               "start from this cloud instead of the points of the scene", "Scene");
     flags_.add("--iterations", "iterations", "training iterations", "Training");
-    flags_.add("--seed", "seed", "of all random numbers", "Training");
-    c.add_option("-c,--config", configs_, "JSON file; later ones win")->expected(1)->take_all();
-    c.add_option("--set", settings_, "KEY=VALUE for any key of the configuration")
-        ->expected(1)
-        ->take_all();
+    flags_.add("--seed", "seed", "seed of all random numbers", "Training");
+    c.add_option("-c,--config", configs_, "JSON file; later files win")->expected(1)->take_all();
+    c.add_option("--set", settings_, "any key of the configuration")->expected(1)->take_all();
     c.add_option("--psnr", psnr_,
-                 "PSNR values P,P,... of the test views (--eval, --split): seconds to reach them")
+                 "PSNR values P,P,... of the test views: print the seconds to reach each")
         ->delimiter(',');
     c.add_option("--psnr-every", psnr_every_,
-                 "iterations between looks at the PSNR, which do not count [a hundredth of all]")
+                 "iterations between measurements of the PSNR, not timed [a hundredth of all]")
         ->check(CLI::Range(1, 1'000'000'000));
     c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    add_output_flag(c, "--out", out_, "JSON file to write as well");
+    add_output_flag(c, "--out", out_, "JSON file for the results, too");
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 
@@ -168,19 +167,17 @@ int TrainBench::run() {
     flags_.set_keys(table_);
     table_.set_all(settings_);
     if (options.scene.path.empty())
-        throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
+        throw Error(ExitCode::usage, "no scene given; give --scene DIR");
     const int iterations = options.train.iterations;
     if (iterations < 1)
-        throw Error(ExitCode::usage,
-                    str("iterations is ", iterations, "; expected 1 or more to time"));
+        throw Error(ExitCode::usage, str("iterations is ", iterations, "; expected 1 or more"));
     const SignalGuard signals;
     const DeviceChoice device = choose_device(device_);
     options.scene.points_required = options.train.init.min_points == 0;
     Scene scene = read_scene(options.scene);
     if (!psnr_.empty() && scene.test.empty())
-        throw Error(ExitCode::usage,
-                    str("--psnr: ", options.scene.path,
-                        " has no test views; expected --eval, or --split LIST of its splits.json"));
+        throw Error(ExitCode::usage, str("--psnr: ", options.scene.path,
+                                         " has no test views; give --eval or --split LIST"));
     check_masks(options.train.loss.photometric, scene.train);
     keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
     read_fixed_points(options, scene);
@@ -218,7 +215,7 @@ int TrainBench::run() {
         .add("unaccounted_share", 1 - total(profiled.stages) / profiled.stages_of_s);
     std::printf("%s\n", json_text(json).c_str());
     if (!out_.empty())
-        write_text_file(out_, json_text(json) + "\n"), spdlog::info("{}: results", out_);
+        write_text_file(out_, json_text(json) + "\n"), spdlog::info("Results: {}", out_);
     if (!quiet_) print(plain, profiled, wanted, iterations);
     return static_cast<int>(ExitCode::done);
 }

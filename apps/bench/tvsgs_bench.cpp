@@ -8,7 +8,7 @@ namespace tvsgs {
 namespace {
 
 int command(int argc, char** argv) {
-    CLI::App app{"Measures the program itself.", "tvsgs-bench"};
+    CLI::App app{"Measures the speed and the accuracy of the program itself.", "tvsgs-bench"};
     app.require_subcommand(1);
     const VoteBench vote(app);
     const StagesBench stages(app);

@@ -218,39 +218,39 @@ std::string comparison_json(const VotingCase& c,
 }  // namespace
 
 VoteBench::VoteBench(CLI::App& app)
-    : command_(app.add_subcommand("vote", "tensor voting: stored cases, times, errors")) {
+    : command_(app.add_subcommand("vote", "test and time tensor voting")) {
     CLI::App& c = *command_;
     c.add_option("--case", cases_,
-                 "compares with a case of the oracle (.npz); exit code 8 beyond the bounds")
+                 "compare with a case of the oracle (.npz); exit code 8 beyond the bounds")
         ->expected(1)
         ->take_all();
-    c.add_option("--synthetic", synthetic_, "times rebuild and event on so many made-up splats")
+    c.add_option("--synthetic", synthetic_, "time rebuild and event on N synthetic splats")
         ->check(CLI::Range(1, 100'000'000));
-    c.add_option("--shape", shape_, "of the made-up splats")
+    c.add_option("--shape", shape_, "shape of the synthetic splats")
         ->check(CLI::IsMember(bench_shapes()))
         ->capture_default_str();
-    c.add_option("--seed", seed_, "of the made-up splats")->capture_default_str();
+    c.add_option("--seed", seed_, "seed of the synthetic splats")->capture_default_str();
     c.add_option("--repetitions", repetitions_, "timed repetitions")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
-    c.add_option("--warm-up", warm_up_, "repetitions before these")
+    c.add_option("--warm-up", warm_up_, "repetitions before the timed ones")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
     c.add_flag("--errors", errors_,
-               "also angles to the normals of the reference in double, for every way to store the "
-               "lists");
-    c.add_option("-c,--config", configs_, "JSON configuration; of it tv.* counts")
+               "also measure the angles to the normals of the reference in double, for each form "
+               "of the lists");
+    c.add_option("-c,--config", configs_, "JSON configuration; only tv.* is used")
         ->expected(1)
         ->take_all();
-    c.add_option("--set", settings_, "KEY=VALUE, as tv.k=64")->expected(1)->take_all();
+    c.add_option("--set", settings_, "a key of tv, such as tv.k=64")->expected(1)->take_all();
     c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    add_output_flag(c, "--out", out_, "JSON file to write as well");
+    add_output_flag(c, "--out", out_, "JSON file for the results, too");
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 
 int VoteBench::run() const {
     if (cases_.empty() == (synthetic_ == 0))
-        throw Error(ExitCode::usage, "tvsgs-bench vote: give either --case or --synthetic");
+        throw Error(ExitCode::usage, "give either --case or --synthetic");
     return cases_.empty() ? time_synthetic() : compare_cases();
 }
 
@@ -272,7 +272,7 @@ int VoteBench::compare_cases() const {
         std::fputs(line.c_str(), stdout);
         lines += line;
     }
-    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("{}: results", out_);
+    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("Results: {}", out_);
     return static_cast<int>(all_met ? ExitCode::done : ExitCode::bound);
 }
 
@@ -322,7 +322,7 @@ int VoteBench::time_synthetic() const {
         .add("results", results);
     std::printf("%s\n", json_text(json).c_str());
     if (!out_.empty())
-        write_text_file(out_, json_text(json) + "\n"), spdlog::info("{}: results", out_);
+        write_text_file(out_, json_text(json) + "\n"), spdlog::info("Results: {}", out_);
     return static_cast<int>(ExitCode::done);
 }
 
