@@ -19,7 +19,6 @@ enum class ExitCode {
     io = 6,
     numerical = 7,
     bound = 8,
-    peer = 9,
 };
 
 /// Concatenates its arguments as text.
@@ -53,7 +52,7 @@ private:
 inline Error out_of_memory(const std::string& what) {
     return Error(ExitCode::memory,
                  str("out of memory: ", what,
-                     "; use fewer splats (--max-gaussians), smaller images (-r), or shorter lists "
+                     "; use fewer splats (--max-gaussians), smaller images (-r), or compact lists "
                      "of votes (--set tv.lists=compact)"));
 }
 
