@@ -79,7 +79,7 @@ TEST_F(Backbones, SplatsOfAnotherKindAreRefused) {
                            "--resume --iterations 60 --set backbone=ewa --set "
                            "render.depth=auto --set loss.distortion.weight=0");
     expect_refused(r, 2,
-                   "its splats are those of backbone 'surfel', and the run is to go on with 'ewa'");
+                   "splats of backbone 'surfel', but the configuration has 'ewa'");
 }
 
 TEST_F(Backbones, TermsThatARasteriserDoesNotServeAreRefused) {

@@ -70,7 +70,7 @@ TEST_F(BadEnds, AFolderWithWorkOfOthersIsNoRunFolder) {
     EXPECT_EQ(contents(folder_ / "mine/notes.txt"), "notes");
     const Result root = train("/");
     EXPECT_EQ(root.code, 2);
-    EXPECT_TRUE(root.says("root of all folders")) << root;
+    EXPECT_TRUE(root.says("root folder")) << root;
 }
 
 TEST_F(BadEnds, OverwritingRemovesWhatTheRunWroteAndNothingElse) {
@@ -161,7 +161,7 @@ TEST_F(BadEnds, PhotographsAreNotReplaced) {
     EXPECT_EQ(tree("scene"), before);
     const Result r = call("extract-mesh", mesh + "o.stl");
     EXPECT_EQ(r.code, 2);
-    EXPECT_TRUE(r.says("expected a name that ends in .glb, .obj or .ply")) << r;
+    EXPECT_TRUE(r.says("unknown ending .stl; use .glb, .obj or .ply")) << r;
     EXPECT_EQ(call("init", "--scene scene --device cpu --out c.txt").code, 2);
     EXPECT_FALSE(fs::exists(folder_ / "o.stl"));
 }
@@ -172,7 +172,7 @@ TEST_F(BadEnds, ReportsNeverFailARun) {
     write("broken/eval/other.json", "{");
     const Result r = call("train", "--resume broken --iterations 22 --device cpu");
     EXPECT_EQ(r.code, 0) << r;
-    EXPECT_TRUE(r.says("the report does without a mesh")) << r;
+    EXPECT_TRUE(r.says("missing from the report: a mesh")) << r;
     EXPECT_NE(contents(folder_ / "broken/report.json").find("\"done\""), std::string::npos);
     EXPECT_TRUE(fs::exists(folder_ / "broken/point_cloud/iteration_22/point_cloud.ply"));
     // A folder in its place: the page is not even written.
@@ -212,10 +212,10 @@ TEST_F(BadEnds, ARunThatEndsWorseThanItWasSaysSo) {
         "--set densify.trim_every=1000 --eval-every 10 --iterations 60 ";
     const Result reset = train("reset", flags + "--set densify.opacity_reset_every=58");
     EXPECT_EQ(reset.code, 0) << reset;
-    EXPECT_TRUE(reset.says("dB in the end: training went on for too long")) << reset;
+    EXPECT_TRUE(reset.says("dB now: the training was too long")) << reset;
     const Result steady = train("steady", flags);
     EXPECT_EQ(steady.code, 0) << steady;
-    EXPECT_FALSE(steady.says("in the end:")) << steady;
+    EXPECT_FALSE(steady.says(" dB now:")) << steady;
 }
 
 TEST_F(BadEnds, AShortenedScheduleEndsNearItsBestAndMoreGivesNoLess) {

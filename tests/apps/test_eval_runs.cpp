@@ -238,7 +238,7 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
     std::ofstream(folder_ / "other.json") << other;
     const Result refused = call("eval", "table --matrix other.json --out bust.md");
     EXPECT_EQ(refused.code, 2) << refused;
-    EXPECT_TRUE(refused.says("was trained by")) << refused;
+    EXPECT_TRUE(refused.says("trained with other flags")) << refused;
     // Placeholders: the folder of the file, the data, and one entry for several scenes.
     std::ofstream(folder_ / "many.json")
         << R"JS({"comment": "x", "out": "${here}/runs", "scenes": {"s${n}": {"for_each":

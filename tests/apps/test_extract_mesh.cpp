@@ -376,11 +376,11 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     ::unsetenv("TVSGS_MESH__NOSUCH");
     const Result bad = extract("", "refused.stl");
     EXPECT_EQ(bad.code, 2) << bad;
-    EXPECT_TRUE(bad.says("expected a name that ends in .glb, .obj or .ply")) << bad;
+    EXPECT_TRUE(bad.says("; use .glb, .obj or .ply")) << bad;
     EXPECT_FALSE(bad.says("training views")) << "before any work";
     const Result webp = extract("--texture-format webp", "refused.obj");
     EXPECT_EQ(webp.code, 2) << webp;
-    EXPECT_TRUE(webp.says("read OBJ take no WebP")) << webp;
+    EXPECT_TRUE(webp.says("jpg or png, not WebP")) << webp;
     expect_refused(
         "--method tsfd", 2,
         "mesh.method = 'tsfd': expected one of tsdf, tetrahedra, watertight; did you mean 'tsdf'?");

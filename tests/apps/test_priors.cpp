@@ -69,7 +69,7 @@ TEST_F(Priors, WithNoiseAndHoles) {
     const Scene scene =
         read({.format = "npy", .quantity = "inverse_depth", .noise = 0.05, .holes = 0.3});
     expect_depth(scene, 0.06, 0.6);
-    EXPECT_TRUE(said("median residual 2.")) << said_;  // 0.674 of 5 %, of four pixels mixed
+    EXPECT_TRUE(said("median error 2.")) << said_;  // 0.674 of 5 %, of four pixels mixed
     const ViewMap* const depth = find(scene.train[0], prior_map::kDepth);
     double holes = 0, surface = 0;
     for (std::size_t i = 0; i < depth->values.size(); ++i)
@@ -111,7 +111,7 @@ TEST_F(Priors, OfFewPointsHaveAnOrderAlone) {
     inverse.quantity = PriorQuantity::inverse_depth;
     const Scene none = read({.format = "npy", .quantity = "inverse_depth"}, inverse);
     scene_.points.positions = kept;
-    EXPECT_TRUE(said("untested")) << said_;
+    EXPECT_TRUE(said("not checked")) << said_;
     EXPECT_TRUE(said("only the order")) << said_;
     for (const Scene* scene : {&few, &none}) {
         EXPECT_EQ(find(scene->train[0], prior_map::kDepth), nullptr);
@@ -131,9 +131,9 @@ TEST_F(Priors, OfFewPointsHaveAnOrderAlone) {
 
 TEST_F(Priors, ThatContradictWhatIsDeclaredAreRefused) {
     expect_refused({.format = "json", .quantity = "inverse_depth", .declare = "depth"},
-                   "expected quantity (priors.quantity) inverse_depth");
+                   "set the quantity (priors.quantity) to inverse_depth");
     expect_refused({.format = "json", .declare = "inverse_depth"},
-                   "expected quantity (priors.quantity) depth");
+                   "set the quantity (priors.quantity) to depth");
     expect_refused({.format = "json", .quantity = "log_depth", .declare = "depth"}, "log_depth");
     expect_depth(read({.format = "json", .quantity = "log_depth", .declare = "log_depth"}), 1e-3);
     PriorOptions forced;
@@ -211,11 +211,10 @@ TEST_F(Priors, OfOtherPhotographsAreRefused) {
         }
     };
     roll("depth", 2);
-    expect("of 5 depth maps fit the points of their photographs hardly better",
-           {prior_map::kDepth});
+    expect("of 5 depth maps fit the points hardly better", {prior_map::kDepth});
     roll("depth", 3);
     roll("normal", 2);
-    expect("of 5 views agree hardly better", {prior_map::kNormal});
+    expect("of 5 views fit the points hardly better", {prior_map::kNormal});
     roll("normal", 3);
     expect_depth(read_folder(dir), 1e-3);
 }
@@ -283,7 +282,7 @@ TEST_F(Priors, NormalsOfAnyFrame) {
         SCOPED_TRACE(frame + (away ? " away" : ""));
         const Scene scene = read({.format = "npy", .frame = frame, .normals_away = away});
         expect_normals(scene, 0.99);
-        EXPECT_TRUE(said(frame + (away ? ", facing away, agreeing" : ", agreeing"))) << said_;
+        EXPECT_TRUE(said(frame + (away ? ", facing away, agreeing" : ", within"))) << said_;
     }
 }
 
@@ -354,7 +353,7 @@ TEST_F(Priors, TheSkyHasNone) {
 TEST_F(Priors, AreReadOnlyWhereALossAsksForThem) {
     const std::string dir = write({.format = "npy"});
     EXPECT_TRUE(read_folder(dir, {}, {}).train[0].maps.empty());
-    EXPECT_TRUE(said("no loss of this configuration asks for any")) << said_;
+    EXPECT_TRUE(said("no loss of this configuration uses them")) << said_;
     EXPECT_TRUE(read_folder("", {}, {}).train[0].maps.empty());
     EXPECT_EQ(said_, "");
     const Scene order = read_folder(dir, {}, {prior_map::kDepthOrder});

@@ -78,14 +78,14 @@ TEST_F(OddScenes, AnyUnitOfLength) {
         const auto [psnr, said] = trained(name, "of_" + name);
         // The same numbers but for their roundings.
         EXPECT_NEAR(psnr, usual, 0.1) << name;
-        EXPECT_EQ(said.says("render.near is"), factor < 1) << said;
+        EXPECT_EQ(said.says("render.near to"), factor < 1) << said;
     }
     EXPECT_LT(near("of_kilometres"), 0.002);
     EXPECT_GT(near("of_kilometres"), 1e-5);
     // A limit that is given is kept, and hides the scene.
     const Result r = train("--eval --scene kilometres --out hidden --set render.near=0.1");
     EXPECT_EQ(r.code, 0) << r;
-    EXPECT_FALSE(r.says("render.near is")) << r;
+    EXPECT_FALSE(r.says("render.near to")) << r;
     EXPECT_LT(last_line("hidden").at("psnr").get<double>(), usual);
 }
 
@@ -141,7 +141,7 @@ TEST_F(OddScenes, FewPointsAndPointsInOnePlace) {
     EXPECT_TRUE(with({"0.1 0.1 0.1"}, "one").says("tensor voting is off: 1 of 1 splats"));
     with({"0.1 0.1 0.1", "0.2 0.1 0.1"}, "two");
     const std::vector<std::string> same(50, "0.1 0.1 0.1");
-    EXPECT_TRUE(with(same, "identical").says("49 points were dropped: repeated positions"));
+    EXPECT_TRUE(with(same, "identical").says("dropped 49 points: repeated positions"));
     std::vector<std::string> line;
     for (int i = 0; i < 50; ++i) line.push_back("0." + std::to_string(100 + i) + " 0.1 0.1");
     with(line, "collinear");
@@ -158,7 +158,7 @@ TEST_F(OddScenes, FewPointsAndPointsInOnePlace) {
                                "--device cpu --iterations 6 --scene points --views 0,1,2 --out "
                                "by_stereo");
     EXPECT_EQ(stereo.code, 3) << stereo;
-    EXPECT_TRUE(stereo.says("3 points were dropped: positions not finite")) << stereo;
+    EXPECT_TRUE(stereo.says("dropped 3 points: positions not finite")) << stereo;
     EXPECT_TRUE(stereo.says("stereo found no surface")) << stereo;
 }
 
@@ -172,7 +172,7 @@ TEST_F(OddScenes, ViewsThatDoNotOverlap) {
                                     "loss.multi_view_ncc.start=1 --set "
                                     "loss.multi_view_geometry.start=1",
                                     "no_neighbour");
-    EXPECT_TRUE(r.says("multi-view losses: off for 2 of 2 training views")) << r;
+    EXPECT_TRUE(r.says("Multi-view losses are off for 2 of 2 training views")) << r;
     EXPECT_TRUE(r.says("depths and")) << "how far the nearest are: " << r;
     // Every third view sees what no other sees.
     expect_trained("--scene scene --views 0,3,6", "three_apart");
@@ -184,7 +184,7 @@ TEST_F(OddScenes, MasksThatHideEverything) {
     for (const auto& mask : fs::directory_iterator(folder_ / "dark/masks"))
         write_png(mask.path().string(), ImageU8(48, 36, 1));
     const Result r = expect_trained("--scene dark --views 0,1,2", "of_dark");
-    EXPECT_TRUE(r.says("3 of 3 masks have no pixel of the object")) << r;
+    EXPECT_TRUE(r.says("3 of 3 masks are empty")) << r;
     const Result mesh = call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05");
     EXPECT_EQ(mesh.code, 7) << mesh;
     EXPECT_TRUE(mesh.says("outside of the masks")) << mesh;
@@ -194,7 +194,7 @@ TEST_F(OddScenes, MasksThatHideEverything) {
     small.pixels.assign(small.pixels.size(), 1);
     write_png((folder_ / "dark/masks/0001.png").string(), small);
     EXPECT_TRUE(call("train", "--scene dark --views 1,2 --iterations 1 --device cpu --out ones")
-                    .says("0001.png: its largest value is 1, where 255 is object"));
+                    .says("0001.png: its largest value is 1, and the object needs 128"));
     EXPECT_EQ(
         call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05 --no-masks").code, 0);
 }
@@ -221,7 +221,7 @@ TEST_F(OddScenes, NamesInSubfoldersAndBeyondAscii) {
     EXPECT_EQ(cameras[0].at("img_name"), names[0]);
     // The stem alone says not which of the two.
     write("list.txt", "\u5199\u771f\n0004\n");
-    expect_refused("--scene names --train-list list.txt", 3, "names several images");
+    expect_refused("--scene names --train-list list.txt", 3, "fits several images");
 }
 
 TEST_F(OddScenes, EveryDistortionThatIsUndone) {
@@ -281,7 +281,8 @@ TEST_F(OddScenes, MeasuredPointsThatAreNotFinite) {
     write("voters.ply", header + "0 0 0 1\n0.1 0 0 1\nnan 0.1 0 1\nnan 0 0 1\n");
     r = train(arguments + " --out few_voters");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("voters.ply: 2 usable points; fixed voters need at least 3")) << r;
+    EXPECT_TRUE(r.says("voters.ply: 2 usable points; measured points that vote need at least 3"))
+        << r;
     write("voters.ply", header + "0 0 0 1\n0.1 0 0 nan\n0 0.1 0 1\n1 0 0 1\n");
     r = train(arguments + " --out nan_weight");
     EXPECT_EQ(r.code, 3) << r;

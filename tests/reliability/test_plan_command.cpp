@@ -217,7 +217,7 @@ TEST_F(PlanCommand, RefinedPosesGoWithTheRun) {
     const auto refined = [&](const std::string& run) { return read(run + "/cameras/images.txt"); };
     const Result whole = call("train", train + "--iterations 40 --out whole --checkpoint-every 15");
     ASSERT_EQ(whole.code, 0) << whole;
-    EXPECT_TRUE(whole.says("refined poses: turned by")) << whole;
+    EXPECT_TRUE(whole.says("Refined poses: turned by")) << whole;
     EXPECT_EQ(last_line("whole")["cameras"]["views"].size(), 7u);
     EXPECT_GT(last_line("whole")["cameras"]["views"]["0000.png"]["turn_px"], 0.0);
 
@@ -234,9 +234,10 @@ TEST_F(PlanCommand, RefinedPosesGoWithTheRun) {
               2);
 
     const std::string mesh = "--device cpu --texture none --no-preview --model whole --out ";
-    EXPECT_TRUE(call("extract-mesh", mesh + "mesh.ply").says("7 of 7 training views are where"));
+    EXPECT_TRUE(call("extract-mesh", mesh + "mesh.ply")
+                    .says("uses refined poses for 7 of 7 training views"));
     EXPECT_FALSE(
-        call("extract-mesh", mesh + "given.ply --given-cameras").says("are where the run"));
+        call("extract-mesh", mesh + "given.ply --given-cameras").says("uses refined poses"));
 
     ASSERT_EQ(call("train", train + "--iterations 6 --out given --set cameras.refine=false").code,
               0);
@@ -306,7 +307,7 @@ TEST_F(PlanCommand, UntilConvergedAsksViewsThatDoNotTrain) {
              "--set lr.sh_rest=0 --set lr.opacity=0 --set lr.scale=0 --set lr.rotation=0");
     ASSERT_EQ(still.code, 0) << still;
     EXPECT_TRUE(still.says("is held out")) << still;
-    EXPECT_TRUE(still.says("converged: PSNR")) << still;
+    EXPECT_TRUE(still.says("Converged: the best PSNR")) << still;
     const json done = last_line("still");
     EXPECT_EQ(done["event"], "done");
     EXPECT_LT(done["iteration"], 100000);
