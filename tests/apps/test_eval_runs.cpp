@@ -199,7 +199,7 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
     EXPECT_EQ(json("table/eval/dtu_centres.json")["protocol"]["cull"].text, "none");
     const Result alone = call("eval", "run --model table --cull-masks " + data);
     EXPECT_EQ(alone.code, 2);
-    EXPECT_TRUE(alone.says("belongs to --dtu")) << alone;
+    EXPECT_TRUE(alone.says("needs --dtu")) << alone;
 
     // Tanks and Temples' layout by a matrix: the trained frame is that of sparse/0, not of the
     // official log.

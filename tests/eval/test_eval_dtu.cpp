@@ -72,8 +72,7 @@ TEST_F(EvalDtu, FlagsWithoutEffectAreRefused) {
              {"--cull-dilate 24", "--cull-masks DIR"},
              {"--order given --seed 3", "--order seeded"},
              {"--palette safe", "--clouds DIR"}})
-        expect_error(2, std::string(": belongs to ") + owner + ", which is missing",
-                     arguments("mesh.ply", flags));
+        expect_error(2, std::string(": needs ") + owner, arguments("mesh.ply", flags));
     EXPECT_EQ(eval(arguments("mesh.ply", "--cull none")), 0) << "as it is: " << messages;
     EXPECT_EQ(eval(arguments("mesh.ply", "--order seeded --seed 3")), 0) << messages;
 }

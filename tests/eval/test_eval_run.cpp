@@ -58,7 +58,7 @@ TEST_F(EvalRun, FlagsOfWhatIsNotMeasuredAreRefused) {
              {"--cull all", "--dtu DIR"},
              {"--dtu scene --scan 1 --cull all", "--cull-masks DIR"},
              {"--dtu scene --scan 1 --cull-dilate 3", "--cull-masks DIR"}})
-        expect_refused(2, std::string("belongs to ") + owner, std::string(kRun) + flags);
+        expect_refused(2, std::string("needs ") + owner, std::string(kRun) + flags);
     const Result measured =
         call("eval", std::string(kRun) + "--tau 1 --max-distance 3 --gt scene/gt/mesh.ply");
     ASSERT_EQ(measured.code, 0) << measured;

@@ -233,7 +233,7 @@ TEST(ChooseReading, RefusesWhatContradictsADeclaration) {
         doubled{samples_of(Q::depth, G::z, 0.5, 0)}, along{samples_of(Q::depth, G::ray, 1, 0)};
     expect_message("the file: depth against 200 points in 1 view fits",
                    [&] { choose_reading(inverse, declared(Q::depth, G::z, A::affine), 1); });
-    expect_message("geometry ray",
+    expect_message("the geometry to ray",
                    [&] { choose_reading(along, declared(Q::depth, G::z, A::metric), 1); });
     EXPECT_EQ(
         choose_reading(along, declared(Q::depth, G::unknown, A::metric), 0.1).reading.geometry,
@@ -365,9 +365,9 @@ TEST(PriorAgreement, AgainstOneNormalForAll) {
 TEST(ChooseNormals, RefusesWhatIsDeclaredOtherwise) {
     NormalConvention opengl{NormalFrame::camera_opengl, false, "the file"};
     EXPECT_NO_THROW(choose_normals(normals_of({false, {1, -1, -1}}), opengl));
-    expect_message("those in frame camera_opencv to 1",
+    expect_message("in frame camera_opencv with 1",
                    [&] { choose_normals(normals_of({}), opengl); });
-    expect_message("those in frame world, facing away", [&] {
+    expect_message("in frame world, facing away", [&] {
         choose_normals(normals_of({true, {-1, -1, -1}}), opengl);
     });
     EXPECT_EQ(choose_normals(normals_of({}, 49), opengl).cosine, 0);  // too few to tell

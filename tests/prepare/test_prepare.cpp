@@ -144,7 +144,8 @@ TEST_F(Prepare, OptionsThatWouldDoNothingAreRefused) {
           "photos scene --markers-on wall", "photos scene --marker-dictionary DICT_4X4_50"}) {
         const Result r = run(wrong);
         EXPECT_EQ(r.code, 2) << r;
-        EXPECT_TRUE(r.says("leave") || r.says("only for a video") || r.says("which is missing"))
+        EXPECT_TRUE(r.says("exclude each other") || r.says("remove it") ||
+                    r.says("need --marker-size"))
             << r;
     }
 }

@@ -41,7 +41,7 @@ TEST(Allocation, FailsWithWhatWasNeededAndThereAndThreeRemedies) {
             other.resize(1 << 19);
             ADD_FAILURE() << "2 MiB where 1 MiB is allowed";
         } catch (const Error& error) {
-            expect_told(error, "2621440 more bytes", "MiB (memory.host)");  // a quarter to spare
+            expect_told(error, "2,621,440 more bytes", "MiB (memory.host)");  // a quarter to spare
         }
         EXPECT_TRUE(other.empty()) << "nothing that was lost can be indexed";
         other.resize(1 << 17);  // half a MiB is there
@@ -51,7 +51,7 @@ TEST(Allocation, FailsWithWhatWasNeededAndThereAndThreeRemedies) {
         Buffer<std::byte, Cpu> all(std::size_t{1} << 60);
         ADD_FAILURE() << "an exabyte";
     } catch (const Error& error) {
-        expect_told(error, "1152921504606846976 more bytes", "none left on this machine");
+        expect_told(error, "1,152,921,504,606,846,976 more bytes", "none left on this machine");
     }
     EXPECT_LT(memory_use(Cpu{}).current_bytes, 1 << 30) << "what failed is not counted";
 }
@@ -217,14 +217,14 @@ TEST(Allocation, OnTheGpu) {
             Buffer<std::byte, Cuda> all(std::size_t{1} << 50);
             ADD_FAILURE() << "a petabyte";
         } catch (const Error& error) {
-            expect_told(error, "1125899906842624 more bytes of GPU memory", "MiB free");
+            expect_told(error, "GPU memory: 1,125,899,906,842,624 more bytes", "MiB free");
         }
         set_memory_limit(Cuda{}, memory_use(Cuda{}).current_bytes + 1000);
         try {
             Buffer<std::byte, Cuda> more(1001);
             ADD_FAILURE() << "beyond the limit";
         } catch (const Error& error) {
-            expect_told(error, "1001 more bytes of GPU memory", "MiB (--gpu-memory)");
+            expect_told(error, "GPU memory: 1,001 more bytes", "MiB (--gpu-memory)");
         }
         set_memory_limit(Cuda{}, INT64_MAX);
         EXPECT_NO_THROW((Buffer<std::byte, Cuda>(1 << 20)));
