@@ -227,7 +227,7 @@ TEST_F(Cli, ScenesThatCannotBeRead) {
 
 TEST_F(Cli, ScenesThatLie) {
     expect_refused("--scene scene/splits.json", 3, "is a file");
-    expect_refused("--scene nowhere", 3, "does not exist");
+    expect_refused("--scene nowhere", 3, "not found");
     expect_refused("--scene scene --views 1", 3, "1 training views; expected at least 2");
     expect_refused("--scene scene --split train_3 --eval", 2, "exclude each other");
 

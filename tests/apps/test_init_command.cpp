@@ -120,7 +120,7 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
                    "/proc/no");
     expect_refused("init", "--scene scene --device cpu --out cloud.ply/x.ply", 6,
                    "cloud.ply is not a folder");
-    EXPECT_EQ(err().find("views of"), std::string::npos) << "before any work: " << err();
+    EXPECT_EQ(err().find("photographs, "), std::string::npos) << "before any work: " << err();
     const std::string masked = "--split train_3 --device cpu --use-masks --out x.ply --scene ";
     fs::copy(folder_ / "scene", folder_ / "maskless", fs::copy_options::recursive);
     fs::remove_all(folder_ / "maskless/masks");

@@ -102,7 +102,7 @@ TEST_F(ViewCommand, ARunThatHasLostItsSceneDoesWithoutPhotographs) {
 }
 
 TEST_F(ViewCommand, WhatIsWrongIsSaid) {
-    expect_refused("scene --out page.html", 3, "no run folder");
+    expect_refused("scene --out page.html", 3, "no run here yet");
     expect_refused("run run run --out page.html", 2, "expected one or two");
     expect_refused("run --out page.txt", 2, ".html");
     expect_refused("run page.html", 2, "give --out page.html");

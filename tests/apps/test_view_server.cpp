@@ -174,7 +174,7 @@ TEST_F(ViewServer, APortHasOneServer) {
         run_script(folder_, "timeout 20 " TVSGS_BIN_DIR "/tvsgs-view run --port " +
                                 std::to_string(port_) + " >out.txt 2>err.txt");
     EXPECT_EQ(second.code, 2) << second;
-    EXPECT_TRUE(second.says("is taken")) << second;
+    EXPECT_TRUE(second.says("is in use")) << second;
     EXPECT_EQ(second.out, "");
 }
 

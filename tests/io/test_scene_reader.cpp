@@ -155,7 +155,7 @@ TEST_F(SceneReader, Layouts) {
     expect_input_error("/dense/sparse\n");
     options.format = SceneFormat::automatic;
     options.path = "/no/such/scene";
-    expect_input_error("does not exist");
+    expect_input_error("not found");
     expect_input_error("while reading scene /no/such/scene");
 }
 
@@ -419,7 +419,8 @@ TEST_F(SceneReader, ExtensionsOfEveryKind) {
     write("images/0.tif", std::string("II*\0\x08\0\0\0", 8));
     EXPECT_EQ(read().train.size(), 4u);
     fs::remove(folder / "images/0.JPG");
-    expect_input_error("0.tif: cannot read it as an image (a TIFF or raw photograph); expected JPEG");
+    expect_input_error(
+        "0.tif: cannot read it as an image (a TIFF or raw photograph); expected JPEG");
 }
 
 TEST_F(SceneReader, PosesAndNumbersOfViews) {

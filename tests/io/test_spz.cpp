@@ -367,9 +367,9 @@ TEST(Spz, RefusesDamagedFiles) {
     };
     for (std::size_t size = 0; size < file.size(); size += 1 + size / 16) {
         const Bytes cut(file.begin(), file.begin() + std::ptrdiff_t(size));
-        refuses(cut, size < 2 ? "neither gzip nor" : "ends early");
+        refuses(cut, size < 2 ? "neither gzip nor" : "cut off");
     }
-    refuses(Bytes(file.begin(), file.end() - 1), "ends early");
+    refuses(Bytes(file.begin(), file.end() - 1), "cut off");
     const auto changed = [&](std::size_t at, int value) {
         Bytes bytes = good;
         bytes[at] = std::uint8_t(value);

@@ -123,7 +123,7 @@ TEST_F(Prepare, TheSceneIsMadeInTheFolderThatIsThere) {
         r = run("photos " + scene);
         EXPECT_EQ(r.code, 6) << r;
         EXPECT_TRUE(r.says("cannot move the result there")) << r;
-        const std::string before_it = "is kept in ";
+        const std::string before_it = "it is in ";
         const std::size_t at = r.err.find(before_it) + before_it.size(), end = r.err.find(": make");
         ASSERT_LT(at, end) << r;
         EXPECT_EQ(read_sparse_model(r.err.substr(at, end - at) + "/sparse/0").images.size(), 5u);

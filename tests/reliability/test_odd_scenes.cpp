@@ -252,7 +252,7 @@ TEST_F(OddScenes, EveryDistortionThatIsUndone) {
                   "1 " + std::string(model.name) + " 48 36 " + model.params + last + "\n");
             const std::string what = std::string(model.name) + (bent ? "_bent" : "");
             const Result r = expect_trained("--scene lens --views 0,1 --iterations 1 ", what, 1);
-            EXPECT_EQ(r.says("lens: " + std::string(model.name) + " undistorted, "),
+            EXPECT_EQ(r.says("Undistorted lens " + std::string(model.name) + ": "),
                       model.fisheye || bent)
                 << r;
             const std::string result = splats(what, 1);
