@@ -212,7 +212,7 @@ TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
     const std::string bad = copy("bad");
     const auto merge = [] { return bin("tvsgs-blocks merge bad --out none"); };
     fs::remove(block(bad, 2) / "done.json");
-    expect_message(merge(), 3, {"block 2", "done.json is missing", "run bad --block 2"});
+    expect_message(merge(), 3, {"block 2", "done.json)", "run bad --block 2"});
     fs::copy(block("blocks", 2) / "done.json", block(bad, 2) / "done.json");
     {
         std::fstream file(splats(bad, 2), std::ios::in | std::ios::out | std::ios::binary);
@@ -340,7 +340,7 @@ TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
     const Result run = bin("tvsgs-blocks run all --jobs 2");
     release.join();
     expect_message(run, 0,
-                   {"block 2 failed on cpu", "exit code 2: error: block 2: another tvsgs-blocks",
+                   {"Block 2 failed on cpu", "exit code 2: error: block 2: another tvsgs-blocks",
                     "Block 2 is done, 3 of 3", "    tvsgs-blocks merge all"});
     for (int b = 1; b <= kBlocks; ++b) {
         EXPECT_EQ(contents(splats("all", b)), contents(splats("blocks", b)));
@@ -410,7 +410,7 @@ TEST_F(BlocksCommand, SlurmTasksTrainABlockEach) {
     expect_message(run_script(folder_, "PATH=" TVSGS_BIN_DIR
                                        ":$PATH SLURM_ARRAY_TASK_ID=2 sh job.sh --set tv.k=21 "
                                        ">out.txt 2>err.txt"),
-                   0, {"block 2: is done"});
+                   0, {"Block 2 is done"});
 }
 
 TEST_F(BlocksCommand, RefusesWhatCannotBe) {

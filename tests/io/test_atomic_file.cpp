@@ -53,7 +53,7 @@ TEST_F(AtomicFileTest, ReplacesNothingButOurs) {
         const std::string path = write("file.txt", text);
         const bool ours = text == "tvsgs 0";
         if (!ours)
-            expect_error(ExitCode::usage, "file.txt: is there, and not written by tvsgs",
+            expect_error(ExitCode::usage, "file.txt: already exists and is not ours",
                          [&] { write_text_file(path, "new"); });
         else
             write_text_file(path, "new");
@@ -67,7 +67,7 @@ TEST_F(AtomicFileTest, ReplacesNothingButOurs) {
     EXPECT_EQ(read_bytes(listed), "newer");
     list_results(folder / "results", {"a.txt", "maps"});
     write("results/maps/b.txt", kOld);  // the manifest of such a folder decides
-    expect_error(ExitCode::usage, "b.txt: is there, and not written by tvsgs", [&] {
+    expect_error(ExitCode::usage, "b.txt: already exists and is not ours", [&] {
         list_results(folder / "results", {"a.txt", "maps"});
     });
 }

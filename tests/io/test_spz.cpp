@@ -195,7 +195,7 @@ TEST(Spz, RefusesDamagedFilesOfVersionFour) {
     refuses(longer, "1 bytes after its last array");
     refuses(gzip(file), "version 4 inside gzip");
     refuses(changed(4, 5), "SPZ version 5; expected 2, 3 or 4");
-    refuses(changed(4, 3), "version 3 that is without gzip");
+    refuses(changed(4, 3), "version 3 without gzip");
     refuses(changed(8, 41), "360 bytes of positions; its header (41 splats, degree 3) expects 369");
     refuses(changed(12, 0), "6 arrays; expected 5 for degree 0");
     refuses(changed(15, 5), "5 arrays; expected 6 for degree 3");
@@ -212,7 +212,7 @@ TEST(Spz, RefusesDamagedFilesOfVersionFour) {
     refuses(claims, "more than its");
     Bytes broken = ours;
     broken[ours.size() - 2] ^= 1;  // a checksum
-    refuses(broken, "its harmonics: damaged: zstd");
+    refuses(broken, "its SH coefficients: damaged: zstd");
 }
 
 TEST(Spz, RoundsHarmonicsByTheirDegree) {

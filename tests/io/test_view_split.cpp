@@ -54,7 +54,7 @@ TEST_F(ViewSplitTest, NamedLists) {
     EXPECT_EQ(split().train, (Indices{2, 3}));
     EXPECT_EQ(split().test, (Indices{12}));  // 06 trains here
     options.split = "none";
-    expect_error(ExitCode::input, "holds far_test, far_train_2, other, test, train_3",
+    expect_error(ExitCode::input, "has far_test, far_train_2, other, test, train_3",
                  [&] { split(); });
     options.split = "test";
     expect_error(ExitCode::usage, "test views", [&] { split(); });

@@ -119,7 +119,7 @@ TEST_F(BlockSchedules, AFailedBlockRunsAgainAloneAfterTheOthers) {
     const auto first =
         std::find_if(seen.begin(), seen.end(), [](const Event& e) { return e.block == 2; });
     EXPECT_NE(first->place, seen[7].place) << "another place than the one where it failed";
-    for (const char* part : {"block 2 failed on", "exit code 4: error: no luck\n  while training",
+    for (const char* part : {"Block 2 failed on", "exit code 4: error: no luck\n  while training",
                              "It runs once more, alone", "Block 2 is done, 4 of 4"})
         EXPECT_NE(messages().find(part), std::string::npos) << messages() << "\nlacks " << part;
     EXPECT_EQ(messages().find("before"), std::string::npos) << messages();
@@ -134,7 +134,7 @@ TEST_F(BlockSchedules, BlocksThatFailTwiceAreReturnedWithTheirCodes) {
     for (const BlockFailure& failure : failures) codes[failure.block] = failure.code;
     EXPECT_EQ(codes, (std::map<int, int>{{2, 137}, {3, 3}}));
     EXPECT_EQ(events().size(), 8u);  // two starts with an end, two blocks started twice
-    EXPECT_NE(messages().find("block 2 failed again on"), std::string::npos) << messages();
+    EXPECT_NE(messages().find("Block 2 failed again on"), std::string::npos) << messages();
     EXPECT_NE(messages().find("ended by signal 9 (Killed)"), std::string::npos) << messages();
 }
 

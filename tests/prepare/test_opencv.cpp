@@ -28,7 +28,7 @@ TEST_F(OpenCv, TiffBecomesPngOfItsBits) {
     cv::imwrite((folder / "photos/a.tif").string(), wide);
     cv::imwrite((folder / "photos/b.TIFF").string(), cv::Mat(48, 64, CV_8UC1, cv::Scalar(77)));
     write("photos/c.tif", "no picture");
-    expect_error(ExitCode::input, "c.tif: not an image of 8 or 16 bits",
+    expect_error(ExitCode::input, "c.tif: OpenCV cannot read it as an image of 8 or 16 bits",
                  [&] { find_photographs((folder / "photos").string()); });
     fs::remove(folder / "photos/c.tif");
     const std::vector<Photograph> photographs = find_photographs((folder / "photos").string());

@@ -169,7 +169,7 @@ void finish(Gunzip& gunzip, std::size_t limit, const std::string& name) {
 }
 
 constexpr const char* kStreamNames[] = {"positions", "opacities", "colours",
-                                        "sizes",     "rotations", "harmonics"};
+                                        "sizes",     "rotations", "SH coefficients"};
 
 /// Version 4 from `bytes` in the order of Layout.
 std::vector<std::uint8_t> container(Header h, const std::vector<std::uint8_t>& bytes) {
