@@ -29,7 +29,6 @@ struct TsdfMesherOptions {
               "voxels along depth_max, or across the ball if unbounded; 0: 2048, fewer for small "
               "images");
         field("voxel_scale", voxel_scale, {1, 2},
-<<<<<<< HEAD
               "least size of a voxel in pixels, without voxel_size and resolution; the truncation "
               "stays that of 1; larger: less time, less detail");
         field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
@@ -47,25 +46,6 @@ struct TsdfMesherOptions {
                      "min_weight 1");
         field("lone_jump_px", lone_jump_px, {0.01, 1000},
               "limit of a depth jump within trusted surface of a single view, in pixel widths");
-=======
-              "smallest voxel in pixels, if voxel_size and resolution are 0; above 1: faster, with "
-              "less detail");
-        field("truncation", truncation, {0, 1e9}, "truncation, world units; 0: truncation_voxels");
-        field("truncation_voxels", truncation_voxels, {1, 1000},
-              "truncation in voxels of voxel_scale 1");
-        field.choice("weight", weight, {"unit", "inv-depth2", "cos"},
-                     "weight of a pixel; unit: 1, inv-depth2: 1 / depth^2, cos: cosine between ray "
-                     "and normal");
-        field("carve", carve, "let views clear surfaces that others put in front of theirs");
-        field("min_weight", min_weight, {1, 65535},
-              "views that must see a voxel; above 1 needs weight unit");
-        field.choice("lone_views", lone_views, {"trusted", "all"},
-                     "surface that only one view has seen; trusted: keep smooth parts away from "
-                     "edges and outside the free space of other views; all: keep all. Needs weight "
-                     "unit and min_weight 1");
-        field("lone_jump_px", lone_jump_px, {0.01, 1000},
-              "largest jump of depth within a surface that only one view has seen, pixel widths");
->>>>>>> fe007aad (mesh, plan: Reword the help of keys)
     }
 };
 

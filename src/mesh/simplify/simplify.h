@@ -17,17 +17,10 @@ struct SimplifyOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("error", error, {0, 100},
-<<<<<<< HEAD
               "error bound of simplification for 99.9 % of the surface, in pixels of the nearest "
               "view; 0: no simplification");
         field("faces", faces, {0, 2e9},
               "number of faces to simplify to, whatever the error; 0: no limit");
-=======
-              "largest move of 99.9 % of the surface by simplification, pixels of the nearest "
-              "view; 0: no simplification");
-        field("faces", faces, {0, 2e9},
-              "number of faces to simplify to, whatever the error; 0: by error");
->>>>>>> fe007aad (mesh, plan: Reword the help of keys)
     }
 };
 

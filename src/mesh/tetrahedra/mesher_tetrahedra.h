@@ -21,7 +21,6 @@ struct TetrahedraMesherOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field.choice("points", points, {"pivots", "corners"},
-<<<<<<< HEAD
                      "points of a splat: one on either side of its plane; or centre and corners of "
                      "its box, for all splats, as published");
         field("min_opacity", min_opacity, {0, 1},
@@ -29,15 +28,6 @@ struct TetrahedraMesherOptions {
         field("views", views, {1, 2},
               "views that must see a point of free space, if more than two have it in their "
               "image; 1: as published");
-=======
-                     "points of a splat; pivots: one on either side of its plane; corners: centre "
-                     "and corners of its box, for all splats (as published)");
-        field("min_opacity", min_opacity, {0, 1},
-              "smallest opacity of splats with pivots, or of the more opaque half if lower");
-        field("views", views, {1, 2},
-              "views that must see through to a point of free space, if more than two have it in "
-              "their image; 1: as published");
->>>>>>> fe007aad (mesh, plan: Reword the help of keys)
     }
 };
 

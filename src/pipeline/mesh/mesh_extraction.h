@@ -34,7 +34,6 @@ struct MeshOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-<<<<<<< HEAD
         field("method", method,
               "mesher: tsdf, tetrahedra, or watertight, which closes unseen places too");
         meshers.fields(field);
@@ -69,44 +68,6 @@ struct MeshOptions {
               "view; keeps creases and boundaries; 0: none");
         field("memory", memory,
               "memory limit of the mesher, such as 8G; empty: a share of the free memory");
-=======
-        field("method", method, "method that makes the surface: tsdf, tetrahedra or watertight");
-        meshers.fields(field);
-        simplify.fields(field);
-        field("depth_max", depth_max, {0, 1e9},
-              "largest depth that is meshed, world units; 0: twice the distance of the cameras' "
-              "focus, no limit if unbounded");
-        field("unbounded", unbounded,
-              "mesh the background, too, in voxels that grow outside a ball around the cameras' "
-              "focus");
-        field("radius", radius, {0, 1e9},
-              "radius of that ball, world units; 0: distance of the nearest camera");
-        field("depth_step", depth_step, {0, 1e9},
-              "round depths down to multiples of this, world units (PGSR: 0.001); 0: no rounding");
-        field("box", box,
-              "keep only the surface inside this box, x0,y0,z0,x1,y1,z1; empty: no box");
-        field("alpha_min", alpha_min, {0, 1},
-              "smallest coverage of a pixel that is meshed; 0: any");
-        field("max_angle", max_angle, {1, 90},
-              "largest angle between ray and normal that is meshed, degrees; 90: any");
-        field("max_scale_px", max_scale_px, {0, 1e6},
-              "largest standard deviation of a splat that is meshed, pixels of the camera with the "
-              "finest ones there; 0: any");
-        field("masks", masks, "remove the surface outside the masks");
-        field("evidence", evidence,
-              "keep components that views confirm, of any size, and remove parts that no view "
-              "sees; counts the views of each vertex");
-        field("clusters", clusters, {0, 1e9},
-              "keep the N largest components of at least 50 faces; 0: all");
-        field("holes", holes, {0, 1000},
-              "largest hole to close where no view looks through it, pixels of the nearest view; "
-              "0: close none");
-        field("smooth", smooth, {0, 100},
-              "largest move by smoothing before simplification, pixels of the nearest view; keeps "
-              "creases and boundaries; 0: no smoothing");
-        field("memory", memory,
-              "memory for the volume, such as 8G; empty: a share of the free memory");
->>>>>>> fe007aad (mesh, plan: Reword the help of keys)
     }
 };
 
