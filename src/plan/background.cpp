@@ -27,7 +27,7 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
     return seen > 0 ? static_cast<double>(beyond) / seen : NAN;
 }
 
-Decision plan_background(double share_beyond, bool masked) {
+Decision decide_background(double share_beyond, bool masked) {
     constexpr double kMuch = 0.05;
     const bool meshed = share_beyond >= kMuch;
     return {"mesh bounds",

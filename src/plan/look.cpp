@@ -1,3 +1,5 @@
+#include "plan/look.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -5,10 +7,9 @@
 #include <numeric>
 #include <optional>
 
+#include "core/error.h"
 #include "core/progress.h"
-#include "optim/views/matchable.h"
-#include "optim/views/view_pairs.h"
-#include "plan/plan.h"
+#include "plan/figures.h"
 
 namespace tvsgs {
 namespace {
@@ -16,8 +17,7 @@ namespace {
 constexpr int kReach = 2, kSide = 2 * kReach + 1;
 using Patch = std::array<double, kSide * kSide>;
 
-/// Grey levels around the place where a point projects, 0 to 255; nothing where they leave the
-/// image.
+/// Grey levels around the projection of a point, 0 to 255. Nothing where they leave the image.
 std::optional<Patch> patch_at(const View& view, Vec3f point) {
     const Camera& c = view.camera;
     if (!is_in_view(c, point)) return std::nullopt;
@@ -38,8 +38,8 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
     return patch;
 }
 
-/// Logarithm of the ratio of two patches' brightness; nothing where they do not look alike, as
-/// where something else hides the point from a view, or where they are flat, dark or saturated.
+/// Logarithm of the ratio of two patches' brightness. Nothing for patches that differ, because
+/// another surface hides the point from a view, or that are flat, dark or saturated.
 std::optional<double> log_gain(const Patch& a, const Patch& b) {
     const auto mean = [](const Patch& p) {
         return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
@@ -57,8 +57,8 @@ std::optional<double> log_gain(const Patch& a, const Patch& b) {
     return std::log(mean_a / mean_b);
 }
 
-/// For every view the one whose optical axis is nearest to its own, within 30 degrees; -1: none.
-/// What such two see is hidden from few of either.
+/// For every view the view whose optical axis is nearest, within 30 degrees; -1: none. Two views
+/// this near hide few points from each other.
 std::vector<int> nearest_views(const Scene& scene) {
     const int views = static_cast<int>(scene.train.size());
     std::vector<Vec3d> axes;
@@ -74,10 +74,6 @@ std::vector<int> nearest_views(const Scene& scene) {
     return nearest;
 }
 
-}  // namespace
-
-namespace {
-
 /// The colour of the images' borders, see SceneLook.
 struct BorderColor {
     int color[3] = {0, 0, 0};
@@ -91,8 +87,7 @@ struct BorderColor {
     }
 };
 
-/// From each pixel of the image's edge inwards the first that the lens saw; none of a row or column
-/// without any.
+/// Visits, from each pixel of the image's edge inwards, the first pixel that the lens saw.
 template <class Visit>
 void for_border(const View& view, const Visit& visit) {
     const int width = view.camera.width_px, height = view.camera.height_px;
@@ -106,7 +101,7 @@ void for_border(const View& view, const Visit& visit) {
     for (int y = 0; y < height; ++y) inwards(0, y, 1, 0), inwards(width - 1, y, -1, 0);
 }
 
-/// Whether a mask leaves out what the photograph shows.
+/// Whether a mask leaves out pixels that the lens saw.
 bool has_outside(const ImageU8& mask) {
     return std::find(mask.pixels.begin(), mask.pixels.end(), 0) != mask.pixels.end();
 }
@@ -148,7 +143,7 @@ SceneLook look_at(const Scene& scene,
                   bool masks,
                   const SkyLook& sky) {
     const std::vector<Vec3f>& points = scene.points.positions;
-    constexpr std::size_t kSample = 4000;  // tells a median to a percent or two
+    constexpr std::size_t kSample = 4000;  // points: a median to 1 or 2 %
     constexpr double kLeastShare = 0.01;
     const std::size_t stride = 1 + points.size() / kSample;
     const std::vector<int> nearest = nearest_views(scene);
@@ -174,7 +169,7 @@ SceneLook look_at(const Scene& scene,
         const View& view = scene.train[v];
         const View* const other =
             nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
-        std::vector<double> gains;  // gains: logarithms
+        std::vector<double> gains;  // logarithms
         for (std::size_t i = 0; other != nullptr && i < points.size(); i += stride) {
             const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
             if (!here || !there) continue;
@@ -186,7 +181,7 @@ SceneLook look_at(const Scene& scene,
         const double share = could_match.share();
         for (const Sighting& s : seen)
             ++sightings_in_all, on_border_color += border.near(view, s.x, s.y);
-        // Of an image without anything to match all pixels count.
+        // All pixels count in an image without texture.
         const bool some = share >= kLeastShare;
         const auto inside = std::count_if(seen.begin(), seen.end(), [&](const Sighting& s) {
             return !some || could_match.at(s.x, s.y);
@@ -211,7 +206,7 @@ SceneLook look_at(const Scene& scene,
     look.points_per_pixel = lower_median(per_pixel);
     look.reduction = lower_median(reductions);
     ViewPairOptions relative = limits;
-    relative.limits = PairLimits::relative;  // these hold in any unit
+    relative.limits = PairLimits::relative;  // independent of the unit
     look.views_in_pairs = share_with_pair(scene, relative);
     relative.lone_angle_deg = std::max(relative.lone_angle_deg, kWideAngleDeg);
     look.views_in_wide_pairs = share_with_pair(scene, relative);
@@ -240,6 +235,12 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
     if (!borders.empty()) look.border = lower_median(borders);
     if (seen > 0) look.matched = static_cast<double>(seen_outside) / static_cast<double>(seen);
     return look;
+}
+
+std::string summary(const SceneLook& look) {
+    return str(look.train_views, " train, ", look.test_views, " test; ", look.points,
+               " initial points, ", number(look.points_per_pixel), " per pixel of the ",
+               number(100 * look.matchable), " % that could be matched");
 }
 
 }  // namespace tvsgs

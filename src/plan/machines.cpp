@@ -1,25 +1,19 @@
 #include "plan/machines.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <vector>
 
 #include "core/error.h"
+#include "plan/figures.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kGrowth = 5;  // final splats per first one; chosen, not measured
 
-/// Three digits.
-std::string digits(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.3g", value);
-    return text;
-}
 std::string splats_text(std::int64_t count) {
     return count < 1000000 ? std::to_string(count)
-                           : digits(static_cast<double>(count) / 1e6) + " M";
+                           : number(static_cast<double>(count) / 1e6) + " M";
 }
 double gigabytes(std::int64_t bytes) {
     return static_cast<double>(bytes) / 1e9;
@@ -33,7 +27,7 @@ struct Level {
     MemoryPlan needs;
 };
 
-/// In the order in which they are tried; all give the same bits, and the later ones take longer.
+/// In the order of trial. All give the same bits; later ones take longer.
 std::vector<Level> levels_of(const Scene& scene,
                              const TrainOptions& options,
                              const MachineInputs& in) {
@@ -77,7 +71,7 @@ ExpectedSplats expected_splats(const Scene& scene,
     return {kGrowth * first, str(kGrowth, " times the first ones, a guess")};
 }
 
-Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in) {
+Decision decide_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in) {
     const std::vector<Level> levels = levels_of(scene, options, in);
     const std::int64_t splats = in.expected.count;
     const auto holds = [&](const Level& level) {
@@ -90,7 +84,7 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
             return fitting(a.needs, in.limits) < fitting(b.needs, in.limits);
         });
 
-    // Of device and host, whichever the first level fills more.
+    // The reason states the memory that the first level fills more: of the device, or of the host.
     const auto share = [&](const MemoryNeed& need, std::int64_t limit) {
         return static_cast<double>(need.at(splats)) / static_cast<double>(limit);
     };
@@ -105,10 +99,10 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
                  threshold = gigabytes(limit);
     std::string reason =
         str(of_device ? "GPU" : "host", " memory for ", splats_text(splats), " splats (",
-            in.expected.source, ") of ", need(levels.front()).per_splat, " B: ", digits(measured),
-            measured <= threshold ? " <= " : " > ", digits(threshold), " GB");
+            in.expected.source, ") of ", need(levels.front()).per_splat, " B: ", number(measured),
+            measured <= threshold ? " <= " : " > ", number(threshold), " GB");
     if (&*taken != &levels.front())
-        reason += str("; so ", digits(gigabytes(need(*taken).at(splats))), " GB");
+        reason += str("; so ", number(gigabytes(need(*taken).at(splats))), " GB");
     std::string choice = taken->choice;
     if (!fits) {
         const std::int64_t most = fitting(taken->needs, in.limits);

@@ -1,27 +1,26 @@
-// What a training takes in memory, and which machine that asks for: the plan's decision `machines`.
-// [docs/guide/plan.md]
+// Decides how a training is held in memory: the decision `machines`.  [docs/guide/plan.md]
 #pragma once
 
 #include <string>
 
+#include "plan/decision.h"
 #include "plan/memory.h"
-#include "plan/plan.h"
 
 namespace tvsgs {
 
-/// Splats that a training is expected to reach, and what says so.
+/// Splats that a training is expected to reach, and where the number comes from.
 struct ExpectedSplats {
     std::int64_t count = 0;
     std::string source;
 };
-/// `first` where there is no growth; else the cap, where it is `capped` by the user; else some
-/// times as many, a guess. Never more than growth may reach.
+/// `first` without growth; the cap where the user sets it (`capped`); else a multiple of `first`, a
+/// guess. At most the limit of growth.
 ExpectedSplats expected_splats(const Scene& scene,
                                const TrainOptions& options,
                                std::int64_t first,
                                bool capped);
 
-/// What the decision goes by, beside scene and options.
+/// Inputs of the decision beside scene and options.
 struct MachineInputs {
     bool cuda = false;
     MemoryLimits limits;
@@ -32,8 +31,8 @@ struct MachineInputs {
 };
 
 /// The first of these that holds the expected splats: all on the device; photographs on the host;
-/// compact lists of votes; both. Where none does, it proposes blocks and takes the one that holds
-/// most splats: growth stops there, or plan_memory() refuses where the first splats do not fit.
-Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
+/// compact lists of votes; both. If none does, it proposes blocks and takes the way that holds most
+/// splats: growth stops there, or plan_memory() throws if the first splats do not fit.
+Decision decide_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
 
 }  // namespace tvsgs

@@ -7,9 +7,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr const char* kSource = "the plan";
-
-/// "key, key, ..." of at most three.
+/// "key, key, ...", at most three keys.
 std::string keys_of(const Settings& settings) {
     std::string keys;
     for (std::size_t i = 0; i < std::min<std::size_t>(settings.size(), 3); ++i)
@@ -19,23 +17,22 @@ std::string keys_of(const Settings& settings) {
 
 }  // namespace
 
-bool RunPlan::pinned(const std::string& key) const {
-    const Option& option = table_.option(key);
+bool is_pinned(const OptionTable& table, const std::string& key) {
+    const Option& option = table.option(key);
     const bool left_open = option.kind == Option::Kind::choice && option.get() == "auto";
-    return !option.source.empty() && option.source != kSource && !left_open;
+    return !option.source.empty() && option.source != kPlanSource && !left_open;
 }
 
-void RunPlan::apply(const Decision& decision, const char* config) {
-    if (config != nullptr) table_.read_text_below(kSource, config);
+void RunPlan::apply(const Decision& decision, OptionTable& table) {
     Line line{decision, {}};
     line.decision.settings.clear();
     for (const auto& [key, value] : decision.settings) {
-        if (pinned(key)) {
-            const Option& option = table_.option(key);
+        if (is_pinned(table, key)) {
+            const Option& option = table.option(key);
             line.kept.emplace_back(key, str(option.get(), " by ", option.source));
             continue;
         }
-        table_.set(key, value, kSource);
+        table.set(key, value, kPlanSource);
         for (Line& earlier : lines_)
             std::erase_if(earlier.decision.settings,
                           [&, &k = key](const auto& setting) { return setting.first == k; });

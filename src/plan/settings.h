@@ -1,4 +1,4 @@
-// The plan of a run: decisions become settings where nothing else has set them.  docs/guide/plan.md
+// Applies decisions to the keys that the user has not set, and keeps them.  docs/guide/plan.md
 #pragma once
 
 #include <optional>
@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "io/config/config.h"
-#include "plan/plan.h"
+#include "plan/decision.h"
+#include "plan/look.h"
 
 namespace tvsgs {
 
@@ -31,25 +32,25 @@ struct PlanOptions {
     }
 };
 
+/// The source of settings that the plan has made.
+inline constexpr const char* kPlanSource = "the plan";
+
+/// Whether the user or a configuration has set the key. The choice "auto" leaves it to the plan.
+bool is_pinned(const OptionTable& table, const std::string& key);
+
 class RunPlan {
 public:
-    explicit RunPlan(OptionTable& table) : table_(table) {}
+    /// Sets the decision's keys, except pinned ones. Where two decisions set a key, the later one
+    /// counts.
+    void apply(const Decision& decision, OptionTable& table);
+    void apply(const std::vector<Decision>& decisions, OptionTable& table) {
+        for (const Decision& decision : decisions) apply(decision, table);
+    }
 
-    /// Takes a decision's settings over, but for keys that the user set; a later decision has the
-    /// last word on a key. With `config` its settings are the keys of that configuration, JSON.
-    void apply(const Decision& decision, const char* config = nullptr);
-
-    /// What the decisions go by; the last look is shown.
+    /// Keeps the look for text(); a later look replaces it.
     void note(const SceneLook& look) { look_ = look; }
-    /// A last line.
+    /// Adds a last line.
     void remark(const std::string& text) { remark_ = text; }
-
-    /// Switches plan.enabled off: the configuration has the decisions in it, and a run that repeats
-    /// it must not make them again.
-    void finish() { table_.set("plan.enabled", "false", "the plan"); }
-
-    /// Whether somebody else has set the key, and not to the choice "auto", which leaves it open.
-    bool pinned(const std::string& key) const;
 
     /// A line per decision, for --plan.
     std::string text() const;
@@ -59,11 +60,10 @@ public:
 
 private:
     struct Line {
-        Decision decision;  // its settings: those that were taken
-        Settings kept;      // what the user set instead: key, "value by source"
+        Decision decision;  // its settings: only those that were taken
+        Settings kept;      // keys that stay as the user set them: "value by source"
     };
 
-    OptionTable& table_;
     std::optional<SceneLook> look_;
     std::vector<Line> lines_;
     std::string remark_;

@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "pipeline/run/train_evaluation.h"
-#include "plan/plan.h"
+#include "plan/look.h"
 #include "report/figures.h"
 #include "report/plot.h"
 

@@ -392,19 +392,16 @@ void add_depth_term() {
 TEST_F(Priors, OfARunAreThoseItBeganWith) {
     const std::string dir = write({.format = "npy", .quantity = "inverse_depth", .noise = 0.01});
     add_depth_term();
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    table.set("scene.path", (folder_ / "scene").string(), "the test");
-    table.set("priors.dir", dir, "the test");
-    table.set("init.min_points", "0", "the test");
-    RunPlan plan(table);
-    Scene fresh = read_and_plan({}, false, options, table, plan);
+    Configuration asked;
+    asked.table.set("scene.path", (folder_ / "scene").string(), "the test");
+    asked.table.set("priors.dir", dir, "the test");
+    asked.table.set("init.min_points", "0", "the test");
+    const Scene fresh = resolve({}, asked, false).scene;
     ASSERT_NE(find(fresh.train[0], prior_map::kDepth), nullptr);
-    Scene resumed = read_views(options, true, table);
+    Scene resumed = read_scene(asked.options.scene);
     resumed.points = {};
     resumed.points.positions = fresh.points.positions;
-    provide_maps({}, options, {}, resumed);
+    provide_maps({}, asked.options, {}, resumed);
     for (std::size_t v = 0; v < fresh.train.size(); ++v)
         EXPECT_EQ(find(fresh.train[v], prior_map::kDepth)->values,
                   find(resumed.train[v], prior_map::kDepth)->values);

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "plan/plan.h"
+#include "plan/decide.h"
 
 namespace tvsgs::test {
 inline constexpr double kDegree = 3.14159265358979 / 180;
@@ -61,11 +61,11 @@ inline std::string choice(const std::vector<Decision>& plan, const std::string& 
 }
 
 inline std::vector<Decision> plan_of(const SceneLook& look, bool dense = false, int wanted = -1) {
-    PlanInputs in;
+    TrainingInputs in;
     in.dense = dense, in.configured = 15000, in.wanted = wanted;
     in.options.iterations = wanted > 0 ? wanted : 15000, in.options.loss.tv_normal.start = 3000;
     in.multi_view.multi_view_geometry.weight = 0.25f, in.multi_view.multi_view_ncc.weight = 0.5f;
-    return plan_training(look, in);
+    return decide_training(look, in);
 }
 
 inline Settings settings(const std::vector<Decision>& plan, const std::string& name) {

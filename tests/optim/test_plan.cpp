@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "plan/plan.h"
+#include "plan/decide.h"
 #include "plan_scene.h"
 #include "training_scene.h"
 
@@ -54,9 +54,9 @@ TEST(Plan, GoodPosesHardlyMoveThoughAskedTo) {
     const auto bound = [](double error) {
         SceneLook look;
         look.pose_error = error;
-        PlanInputs in;
+        TrainingInputs in;
         in.options.cameras.refine = true;
-        return std::stod(settings(plan_training(look, in), "poses").at(1).second);
+        return std::stod(settings(decide_training(look, in), "poses").at(1).second);
     };
     EXPECT_EQ(bound(0), 1e-3);
     EXPECT_EQ(bound(0.25), 1e-3);
@@ -65,9 +65,9 @@ TEST(Plan, GoodPosesHardlyMoveThoughAskedTo) {
 }
 
 TEST(Plan, SettingsByTheNumberOfViews) {
-    EXPECT_EQ(plan_settings(39, false).choice, "sparse");
-    EXPECT_EQ(plan_settings(40, false).choice, "dense");
-    EXPECT_EQ(plan_settings(40, true).choice, "sparse") << "measured points need votes";
+    EXPECT_EQ(decide_settings(39, false).choice, "sparse");
+    EXPECT_EQ(decide_settings(40, false).choice, "dense");
+    EXPECT_EQ(decide_settings(40, true).choice, "sparse") << "measured points need votes";
 }
 
 TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
@@ -75,7 +75,7 @@ TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
     look.points = 10000, look.pixels = 20000, look.points_per_pixel = 0.5;
     const auto says = [&](double reduction) {
         look.reduction = reduction;
-        return plan_cloud(look, false).reason.find("at the photographs' own size") !=
+        return decide_cloud(look, false).reason.find("at the photographs' own size") !=
                std::string::npos;
     };
     EXPECT_FALSE(says(1));
@@ -89,7 +89,7 @@ TEST(Plan, StereoWhereTheCloudDoesNotCoverInFull) {
     for (const bool covering : {false, true}) {
         // 3,200 points on 8,000 pixels are 0.4 per pixel.
         const SceneLook look = look_of(patch_scene(3, 10, covering ? 3300 : 3100));
-        const Decision cloud = plan_cloud(look, false);
+        const Decision cloud = decide_cloud(look, false);
         EXPECT_EQ(cloud.choice, covering ? "the model's" : "stereo");
         // The option makes the same choice: stereo makes a cloud where there are fewer points.
         EXPECT_EQ(std::stod(cloud.settings.at(0).second) > static_cast<double>(look.points),
@@ -112,13 +112,13 @@ Settings by_cloud(double points_per_pixel) {
     look.train_views = 3, look.points = 1000, look.pixels = 8000;
     look.points_per_pixel = points_per_pixel;
     look.views_in_pairs = look.views_in_wide_pairs = 1;
-    PlanInputs in;
+    TrainingInputs in;
     in.configured = in.options.iterations = 15000, in.normals = true;
     in.options.tv.vote_every = 10, in.options.tv.refresh_every = 100;
     in.options.loss.tv_position.weight = 1, in.options.densify.until = 15000;
     in.multi_view.multi_view_geometry.weight = 0.03f, in.multi_view.multi_view_ncc.weight = 0.15f;
     Settings all;
-    for (const Decision& decision : plan_training(look, in))
+    for (const Decision& decision : decide_training(look, in))
         all.insert(all.end(), decision.settings.begin(), decision.settings.end());
     return all;
 }
@@ -201,34 +201,34 @@ TEST(Plan, DenseSettingsKeepTheirGrowth) {
     EXPECT_TRUE(sets(settings(plan, "multi-view"), "loss.multi_view_geometry.weight", "0.25"));
     EXPECT_TRUE(
         sets(settings(plan_of(far, true), "multi-view"), "loss.multi_view_geometry.weight", "0"));
-    EXPECT_EQ(plan_cloud(look_of(patch_scene(25, 2, 1999)), true).choice, "stereo");
-    EXPECT_EQ(plan_cloud(look_of(patch_scene(25, 2, 2000)), true).choice, "the model's");
+    EXPECT_EQ(decide_cloud(look_of(patch_scene(25, 2, 1999)), true).choice, "stereo");
+    EXPECT_EQ(decide_cloud(look_of(patch_scene(25, 2, 2000)), true).choice, "the model's");
 }
 
 TEST(Plan, DiscsForCoveringCloudsWhereTheyMayBeChosen) {
     const SceneLook covered = look_of(patch_scene(3, 10, 3600)),
                     sparse = look_of(patch_scene(3, 10, 100));
-    PlanInputs in;
+    TrainingInputs in;
     in.configured = 15000;
-    EXPECT_EQ(choice(plan_training(covered, in), "rasteriser"), "no such decision");
+    EXPECT_EQ(choice(decide_training(covered, in), "rasteriser"), "no such decision");
     in.discs = true;
-    const auto plan = plan_training(covered, in);
+    const auto plan = decide_training(covered, in);
     EXPECT_TRUE(sets(settings(plan, "rasteriser"), "backbone", kDiscs));
     EXPECT_TRUE(sets(settings(plan, "rasteriser"), "output.ply_scales", "three"));
-    EXPECT_EQ(choice(plan_training(sparse, in), "rasteriser"), "no such decision");
+    EXPECT_EQ(choice(decide_training(sparse, in), "rasteriser"), "no such decision");
     in.dense = true;
-    EXPECT_EQ(choice(plan_training(covered, in), "rasteriser"), "no such decision");
+    EXPECT_EQ(choice(decide_training(covered, in), "rasteriser"), "no such decision");
 }
 
 TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
     SceneLook look = look_of(patch_scene(3, 10, 3600));
-    PlanInputs in;
+    TrainingInputs in;
     in.configured = 15000;
-    EXPECT_EQ(choice(plan_training(look, in), "prior normals"), "no such decision");
+    EXPECT_EQ(choice(decide_training(look, in), "prior normals"), "no such decision");
     in.normals = true;
     const auto weight = [&](int views) {
         look.train_views = views;
-        return choice(plan_training(look, in), "prior normals");
+        return choice(decide_training(look, in), "prior normals");
     };
     for (const auto& [views, expected] : {std::pair(3, "weight 1"),
                                           {9, "weight 1"},
@@ -237,7 +237,7 @@ TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
                                           {20, "no such decision"}})
         EXPECT_EQ(weight(views), expected) << views;
     look.train_views = 3;
-    const Settings of_stereo = settings(plan_training(look, in), "prior normals");
+    const Settings of_stereo = settings(decide_training(look, in), "prior normals");
     EXPECT_TRUE(sets(of_stereo, "loss.prior_normal.weight", "1"));
     EXPECT_TRUE(sets(of_stereo, "priors.source", "stereo"));
     look.points_per_pixel = 0.06, look.train_views = 3;
@@ -322,9 +322,9 @@ TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
 }
 
 TEST(Plan, NothingIsDecidedForVotingThatIsOff) {
-    PlanInputs in;
+    TrainingInputs in;
     in.configured = 15000, in.options.tv.enabled = false;
-    const auto plan = plan_training(look_of(patch_scene(3, 10, 3600)), in);
+    const auto plan = decide_training(look_of(patch_scene(3, 10, 3600)), in);
     for (const char* name : {"votes", "position loss", "neighbours"})
         EXPECT_EQ(choice(plan, name), "no such decision");
     EXPECT_EQ(choice(plan, "multi-view"), "100 %");

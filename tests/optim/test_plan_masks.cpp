@@ -49,9 +49,9 @@ MaskLook masks_with(double border, double matched) {
 }
 
 TEST(Plan, ObjectMasksByDegrees) {
-    EXPECT_TRUE(plan_masks({}).empty());
+    EXPECT_TRUE(decide_masks({}).empty());
     const auto of = [](double border, double matched) {
-        return plan_masks(masks_with(border, matched));
+        return decide_masks(masks_with(border, matched));
     };
     EXPECT_EQ(choice(of(0.09, 0), "masks"), "ignore");
     EXPECT_EQ(choice(of(0.11, 0), "masks"), "object");
@@ -63,7 +63,7 @@ TEST(Plan, ObjectMasksByDegrees) {
     EXPECT_EQ(choice(of(0.9, 0.5), "masks"), "none");
     MaskLook hostile = masks_with(1, 0);
     hostile.empty = "a.png";
-    EXPECT_EQ(choice(plan_masks(hostile), "masks"), "none");
+    EXPECT_EQ(choice(decide_masks(hostile), "masks"), "none");
 }
 
 TEST(PlanLook, SeesWhatMasksLeaveOut) {
@@ -83,7 +83,7 @@ TEST(PlanLook, SeesWhatMasksLeaveOut) {
     EXPECT_EQ(look.matched, 0);
     // All white: no pixel is outside.
     for (View& view : scene.train) view.mask = ImageU8(100, 80, 1, 255);
-    EXPECT_EQ(choice(plan_masks(look_at_masks(scene.train, {})), "masks"), "ignore");
+    EXPECT_EQ(choice(decide_masks(look_at_masks(scene.train, {})), "masks"), "ignore");
 }
 
 TEST(Plan, ABackgroundOfOneColour) {
@@ -111,11 +111,11 @@ TEST(Plan, ABackgroundOfOneColour) {
             }
     }
     const auto with = [&](MaskUse use) {
-        PlanInputs in;
+        TrainingInputs in;
         in.configured = 15000, in.options.loss.photometric.masks = use;
-        return choice(plan_training(look_of(lens), in), "background");
+        return choice(decide_training(look_of(lens), in), "background");
     };
-    EXPECT_EQ(choice(plan_masks(look_at_masks(lens.train, {})), "masks"), "ignore");
+    EXPECT_EQ(choice(decide_masks(look_at_masks(lens.train, {})), "masks"), "ignore");
     EXPECT_EQ(with(MaskUse::ignore), "240,245,250");
     EXPECT_EQ(with(MaskUse::object), "no such decision");
     lens.train[1].mask.at(50, 40) = 0;

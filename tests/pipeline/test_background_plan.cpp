@@ -35,7 +35,7 @@ TEST(ShareBeyond, CountsWhatTwoViewsSee) {
 
 TEST(PlanBackground, OnEitherSideOfATwentieth) {
     const auto unbounded = [](double share) {
-        const Decision decision = plan_background(share);
+        const Decision decision = decide_background(share);
         EXPECT_EQ(decision.settings.at(0).first, "mesh.unbounded");
         return decision.settings.at(0).second;
     };
@@ -43,7 +43,7 @@ TEST(PlanBackground, OnEitherSideOfATwentieth) {
     EXPECT_EQ(unbounded(0.049), "false");
     EXPECT_EQ(unbounded(0.051), "true");
     EXPECT_EQ(unbounded(NAN), "false");
-    EXPECT_NE(plan_background(NAN).reason.find("not known"), std::string::npos);
+    EXPECT_NE(decide_background(NAN).reason.find("not known"), std::string::npos);
 }
 
 }  // namespace

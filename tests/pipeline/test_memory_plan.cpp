@@ -144,8 +144,8 @@ TEST(Machines, EachLevelOnEitherSideOfWhatItHolds) {
     streamed.photo_bytes = both.photo_bytes = 1;
     compact.tv.lists = both.tv.lists = ListStorage::compact;
     const auto decided = [&](const TrainOptions& fits, std::int64_t more) {
-        return plan_machines(scene, voting(),
-                             inputs(splats, limits_for(scene, fits, splats, more)));
+        return decide_machines(scene, voting(),
+                               inputs(splats, limits_for(scene, fits, splats, more)));
     };
     EXPECT_EQ(decided(voting(), 0).choice, "one GPU");
     EXPECT_TRUE(decided(voting(), 0).settings.empty());
@@ -169,15 +169,15 @@ TEST(Machines, WhatTheUserSetsIsNotTheirs) {
     const Scene scene = scene_of(9);
     MachineInputs in = inputs(200000, limits_for(scene, voting(), 200000, -1));
     in.may_stream = false;
-    EXPECT_EQ(plan_machines(scene, voting(), in).choice, "compact lists");
+    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "compact lists");
     in.may_compact = false;
-    EXPECT_EQ(plan_machines(scene, voting(), in).choice, "blocks");
+    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "blocks");
     in.may_stream = true;
-    EXPECT_EQ(plan_machines(scene, voting(), in).choice, "photographs on the host");
+    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "photographs on the host");
     TrainOptions silent = voting();
     silent.tv.enabled = false;
     in = inputs(200000, limits_for(scene, silent, 200000, -100000000));
-    EXPECT_EQ(plan_machines(scene, silent, in).choice, "blocks") << "no votes, no lists";
+    EXPECT_EQ(decide_machines(scene, silent, in).choice, "blocks") << "no votes, no lists";
 }
 
 TEST(Machines, GrowthStopsWhereNoMoreFit) {
@@ -186,7 +186,7 @@ TEST(Machines, GrowthStopsWhereNoMoreFit) {
     grown.densify.enabled = true;
     MachineInputs in = inputs(1000, limits_for(scene, grown, 100000, 0));
     in.expected = {1000000, "a guess"};
-    const Decision d = plan_machines(scene, grown, in);
+    const Decision d = decide_machines(scene, grown, in);
     EXPECT_EQ(d.choice, "compact lists, photographs on the host") << "holds most";
     EXPECT_NE(d.reason.find("fit, where growth stops; all: tvsgs-blocks"), std::string::npos)
         << d.reason;
@@ -198,7 +198,7 @@ TEST(Machines, PhotographsThatCrowdAreOnTheHostAnyway) {
     MachineInputs in = inputs(10, {1080000, std::int64_t{1} << 40});
     TrainOptions o;
     o.densify.enabled = false;
-    const auto streams = [&] { return !plan_machines(scene, o, in).settings.empty(); };
+    const auto streams = [&] { return !decide_machines(scene, o, in).settings.empty(); };
     in.limits.device = 4000000 + 1080000;
     EXPECT_FALSE(streams());
     in.limits.device = 1079999;  // photographs take more than half of it
@@ -212,17 +212,17 @@ TEST(Machines, OnACpuTheHostsMemoryCounts) {
     const MemoryPlan plan = estimate_memory(scene, voting(), 1000, false);
     MachineInputs in = inputs(1000, {plan.host.at(1000), plan.host.at(1000)});
     in.cuda = false;
-    EXPECT_EQ(plan_machines(scene, voting(), in).choice, "one CPU");
-    EXPECT_NE(plan_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
+    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "one CPU");
+    EXPECT_NE(decide_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
     --in.limits.host, --in.limits.device;
-    EXPECT_EQ(plan_machines(scene, voting(), in).choice, "compact lists");
+    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "compact lists");
     in.limits = {1000, 1000};
-    const Decision images = plan_machines(scene, voting(), in);
+    const Decision images = decide_machines(scene, voting(), in);
     EXPECT_EQ(images.choice, "none");
     EXPECT_EQ(images.reason.find("tvsgs-blocks"), std::string::npos) << "images stay as large";
     // Also on a GPU, where host memory is short.
     in = inputs(1000, {std::int64_t{1} << 40, 1000});
-    EXPECT_NE(plan_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
+    EXPECT_NE(decide_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
 }
 
 TEST(Machines, ExpectedSplats) {

@@ -13,6 +13,7 @@
 #include "optim/views/matchable.h"
 #include "pipeline/run/splat_selection.h"
 #include "pipeline/scene/sky.h"
+#include "plan/decide.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 
@@ -174,7 +175,7 @@ TEST(LookForSky, NotInABackdropNorInOneColour) {
     for (const Case& c : {backdrop, one_colour}) {
         const SkyLook look = look_at(scene_of(c));
         EXPECT_LT(look.share, 0.01);
-        EXPECT_TRUE(plan_sky(look.share).settings.empty());
+        EXPECT_TRUE(decide_sky(look.share).settings.empty());
     }
 }
 
@@ -272,18 +273,16 @@ TEST(LookAt, ASkyIsNothingThatCouldBeMatched) {
 }
 
 struct Planned {
-    RunOptions options;
-    OptionTable table;
+    Configuration config;
     Scene scene;
     SkyLook look;
 
     explicit Planned(const Settings& given, const Case& c = {}) : scene(scene_of(c)) {
-        options.add_to(table);
-        for (const auto& [key, value] : given) table.set(key, value, "the user");
-        RunPlan plan(table);
-        look = provide_sky(options, scene, &plan);
+        for (const auto& [key, value] : given) config.table.set(key, value, "the user");
+        RunPlan plan;
+        look = provide_sky(config, scene, &plan);
     }
-    const PhotometricOptions& photometric() const { return options.train.loss.photometric; }
+    const PhotometricOptions& photometric() const { return config.options.train.loss.photometric; }
 };
 
 TEST(ProvideSky, WhereOneIsSeen) {

@@ -2,6 +2,7 @@
 #include <regex>
 
 #include "pipeline/scene/planned_scene.h"
+#include "plan/decide.h"
 // Its `json` would be shadowed.
 #include "command_test.h"
 
@@ -251,17 +252,14 @@ TEST_F(PlanCommand, RefinedPosesGoWithTheRun) {
 
 TEST_F(PlanCommand, ChoosesDiscsWhereTheyAreFastAndNobodyMinds) {
     const auto backbone = [&](bool cuda, const std::vector<std::string>& settings) {
-        RunOptions options;
-        OptionTable table;
-        options.add_to(table);
-        table.set("scene.path", (folder_ / "scene").string(), "a test");
-        table.set("plan.enabled", "true", "a test");
-        table.set_all(settings);
-        RunPlan plan(table);
-        read_and_plan({cuda, ""}, true, options, table, plan);
-        const bool flattens = options.train.loss.flatten.weight > 0;
-        EXPECT_EQ(flattens, options.train.backbone != kDiscs);
-        return options.train.backbone;
+        Configuration asked;
+        asked.table.set("scene.path", (folder_ / "scene").string(), "a test");
+        asked.table.set("plan.enabled", "true", "a test");
+        asked.table.set_all(settings);
+        const TrainOptions options = resolve({cuda, ""}, asked, true).options.train;
+        EXPECT_EQ(asked.options.plan.enabled, true) << "they stay as asked";
+        EXPECT_EQ(options.loss.flatten.weight > 0, options.backbone != kDiscs);
+        return options.backbone;
     };
     EXPECT_EQ(backbone(true, {}), kDiscs);
     EXPECT_EQ(backbone(false, {}), "ewa");

@@ -1,5 +1,7 @@
-// All options of a run, as stored in its config.json.
+// The keys of a run's config.json, for every command that reads a run folder.
 #pragma once
+
+#include <string>
 
 #include "io/config/config.h"
 #include "io/scene/scene_reader.h"
@@ -54,5 +56,26 @@ struct RunOptions {
         table.add("output", output);
     }
 };
+
+/// Options with the table that sets them by key. A copy is independent of its original.
+struct Configuration {
+    RunOptions options;
+    OptionTable table;
+
+    Configuration() { options.add_to(table); }
+    Configuration(const Configuration& other) : options(other.options) {
+        options.add_to(table);
+        for (const Option& option : other.table.options())
+            if (!option.source.empty()) table.set(option.key, option.get(), option.source);
+    }
+    Configuration& operator=(const Configuration&) = delete;
+};
+
+/// The text of config.json.
+inline std::string config_json(RunOptions options, const JsonValue& info) {
+    OptionTable table;
+    options.add_to(table);
+    return table.json(info);
+}
 
 }  // namespace tvsgs

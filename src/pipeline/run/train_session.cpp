@@ -17,8 +17,8 @@
 namespace tvsgs {
 namespace {
 
-/// Whether the splats may have to be evaluated after a step.
-bool evaluates_on_the_way(const RunOptions& options) {
+/// Whether an evaluation may be due after a step.
+bool evaluates_while_training(const RunOptions& options) {
     return !options.eval.at.empty() || options.eval.every > 0 ||
            options.plan.until == Until::converged;
 }
@@ -31,9 +31,8 @@ public:
 
 private:
     // During the training.
-    Gaussians<Device> train_or_explain();
-    Gaussians<Device> train_in_budget();
     TrainCallbacks callbacks();
+    void after_step(int step, const Gaussians<Device>& splats);
     bool report_due(int step) const;
     bool save_due(int done) const;
     bool stop_requested();
@@ -43,8 +42,10 @@ private:
     void evaluate_now(int step, const Gaussians<Device>& splats);
     void place_cameras(const std::vector<Camera>& cameras) const;
     void fit_to_budget();
+    std::string config() const { return config_json(configured_, in_.info); }
 
-    // After its end, at `seconds`.
+    // After the training, which took `seconds`.
+    void finish(const Gaussians<Device>& trained, double seconds);
     void settle_budget(double seconds);
     void warn_of_few(int splats) const;
     void say_how_it_ended(double seconds);
@@ -53,37 +54,38 @@ private:
     void say_what_is_scored() const;
     void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
 
-    /// Seconds of this call, without the time before the run was resumed.
+    /// Without the seconds before the run was resumed.
     double own_seconds() const { return progress_.seconds() - in_.resume.seconds(); }
     MeshSource mesh_source() const {
         return {in_.scene.train, in_.options.mesh, run_.path() + "/mesh", in_.scene.origin};
     }
 
-    // There is work to save from here on.
-    const SignalGuard signals_;
+    const SignalGuard signals_;  // from here on there is work to save
     const SessionInputs& in_;
     RunFolder& run_;
-    TrainOptions training_;  // in_.training with the current schedule
+    RunOptions configured_;  // of config.json; a time budget changes the schedule
+    TrainOptions training_;  // in_.training with the same schedule
     TrainProgress progress_;
     CheckpointWriter checkpoints_;
     LiveSnapshots live_;
     TimeBudget budget_;
-    ScoreWatch scores_;                        // of evaluations during training
-    FixedSplats<Device> fixed_;                // rendered with the trained splats
-    std::optional<CameraRefinement> refined_;  // current cameras; absent: as given
-    HeldExposures exposures_;                  // of the training views; may be empty
-    int done_;                                 // iterations done
-    SharedState state_;                        // start of the next training; null: from the scene
-    bool fit_now_ = false;                     // pauses the training to fit the schedule
+    ScoreWatch scores_;                        // of the evaluations during the training
+    FixedSplats<Device> fixed_;                // drawn beside the trained ones
+    std::optional<CameraRefinement> refined_;  // the cameras' present poses; none: as given
+    HeldExposures exposures_;                  // of the training views; empty: none
+    int done_;                                 // iterations
+    SharedState state_;     // the next train() starts there; null: from the scene
+    bool fit_now_ = false;  // the training pauses for a new schedule
 };
 
 template <class Device>
 TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState start, RunFolder& run)
     : in_(inputs),
       run_(run),
+      configured_(inputs.options),
       training_(inputs.training),
       progress_(training_, inputs.resume.seconds()),
-      checkpoints_(run.path(), inputs.config(), inputs.scene),
+      checkpoints_(run.path(), config(), inputs.scene),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(
@@ -95,12 +97,34 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState star
 template <class Device>
 void TrainSession<Device>::run() {
     say_what_is_scored();
-    const Gaussians<Device> trained = train_or_explain();
+    TrainCallbacks told = callbacks();
+    Gaussians<Device> trained;
+    try {
+        for (;;) {
+            trained = train<Device>(
+                in_.scene, training_, told,
+                [this](int step, const Gaussians<Device>& splats) { after_step(step, splats); },
+                std::exchange(state_, nullptr));
+            if (!fit_now_) break;
+            trained = {};  // state_ has a copy
+            fit_to_budget();
+            told.goes_on = true;
+        }
+    } catch (const Error& error) {
+        end_progress_line();
+        const auto last = checkpoints_.finish();
+        if (!last) throw;
+        throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
+                                      "; --resume goes on from there"));
+    }
     synchronize(Device{});
     end_progress_line();
-    const double seconds = progress_.seconds();
-    settle_budget(seconds);
+    finish(trained, progress_.seconds());
+}
 
+template <class Device>
+void TrainSession<Device>::finish(const Gaussians<Device>& trained, double seconds) {
+    settle_budget(seconds);
     Gaussians<Cpu> splats;
     copy(trained, splats);
     warn_of_few(splats.size());
@@ -137,37 +161,13 @@ void TrainSession<Device>::say_what_is_scored() const {
 }
 
 template <class Device>
-Gaussians<Device> TrainSession<Device>::train_or_explain() {
-    try {
-        return train_in_budget();
-    } catch (const Error& error) {
-        end_progress_line();
-        const auto last = checkpoints_.finish();
-        if (!last) throw;
-        throw Error(error.code(),
-                    str(error.what(), "\n  --resume continues from the last checkpoint, ", *last));
-    }
-}
-
-template <class Device>
-Gaussians<Device> TrainSession<Device>::train_in_budget() {
-    TrainCallbacks told = callbacks();
-    const auto after_step = [this](int step, const Gaussians<Device>& splats) {
-        done_ = step;
-        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats);
-        if (live_.due()) {
-            Gaussians<Cpu> now;
-            copy(splats, now);
-            live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
-        }
-    };
-    for (;;) {
-        Gaussians<Device> trained =
-            train<Device>(in_.scene, training_, told, after_step, std::exchange(state_, nullptr));
-        if (!fit_now_) return trained;
-        fit_to_budget();
-        told.goes_on = true;
-    }
+void TrainSession<Device>::after_step(int step, const Gaussians<Device>& splats) {
+    done_ = step;
+    if (evaluates_while_training(in_.options)) evaluate_if_due(step, splats);
+    if (!live_.due()) return;
+    Gaussians<Cpu> now;
+    copy(splats, now);
+    live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
 }
 
 template <class Device>
@@ -238,8 +238,7 @@ void TrainSession<Device>::evaluate_now(int step, const Gaussians<Device>& splat
     const Evaluation evaluation =
         evaluate(step, progress_.seconds(), splats, fixed_.join(splats), in_.scene.test, training_,
                  in_.truth, in_.options.eval.mesh ? &mesh : nullptr);
-    // Restore the given cameras: a training that restarts begins with them.
-    place_cameras(given);
+    place_cameras(given);  // from which the next train() starts
     run_.log(evaluation.line);
     scores_.add(evaluation.psnr);
 }
@@ -252,10 +251,10 @@ void TrainSession<Device>::place_cameras(const std::vector<Camera>& cameras) con
 template <class Device>
 void TrainSession<Device>::fit_to_budget() {
     budget_.fit(done_, own_seconds(), training_);
-    copy_schedule(training_, in_.options.train);
+    copy_schedule(training_, configured_.train);
     progress_.set_schedule(training_);
-    run_.save_config(in_.config());
-    checkpoints_.set_config(in_.config());
+    run_.save_config(config());
+    checkpoints_.set_config(config());
     run_.log(JsonValue()
                  .add("event", "plan")
                  .add("iteration", done_)
@@ -275,9 +274,9 @@ void TrainSession<Device>::settle_budget(double seconds) {
             "Time budget exceeded: {:.1f} s instead of {:g} s for {} iterations; give more time, "
             "or smaller images (-r)",
             took, asked, grouped(done_));
-    // The configuration as run, so that it can be repeated.
-    in_.options.plan.time_budget = 0;
-    run_.save_config(in_.config());
+    // A run that repeats this one repeats its schedule.
+    configured_.plan.time_budget = 0;
+    run_.save_config(config());
 }
 
 template <class Device>

@@ -1,4 +1,4 @@
-// Runs a training with its run folder: progress, checkpoints, evaluations, results.
+// A training with its run folder: progress, checkpoints, evaluations, results.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@
 
 namespace tvsgs {
 
-/// Frequency of output of a session; not part of the configuration.
+/// How often a session reports and saves; no part of the configuration.
 struct SessionOptions {
     int report_every = 50;        // iterations between lines of log.jsonl
     int checkpoint_every = 5000;  // iterations; 0: only when the run is stopped
@@ -21,22 +21,21 @@ struct SessionOptions {
     double live_every = 0;        // seconds between snapshots for tvsgs-view; 0: none
 };
 
-/// Inputs of a session; referenced objects must outlive it.
+/// References must outlive the session.
 struct SessionInputs {
-    Scene& scene;           // receives the refined cameras at the end
-    TrainOptions training;  // training options; growth may stop earlier than configured
-    RunOptions& options;    // the configuration; receives the schedule fitted to --time-budget
-    SessionOptions session;
+    Scene& scene;                 // gets the refined cameras, if they are refined
+    const TrainOptions training;  // with the limit of growth that fits into memory
+    const RunOptions& options;    // as configured
+    const SessionOptions& session;
     const Resume& resume;
     const std::optional<Truth>& truth;
-    std::function<std::string()> config;  // text of config.json for the present `options`
-    std::function<void()> write_report;   // called when all other results are written
+    const JsonValue info;                // "info" of config.json
+    std::function<void()> write_report;  // called when the run folder is complete
 };
 
-/// Trains, and writes to `run` the files listed in docs/guide/commands.md, except its first files,
-/// which exist already. When stopped, saves the splats so far and a checkpoint. Throws Error, and
-/// Stopped after a signal. `start`: state of a resumed training; passed by value, so that it is
-/// freed early.
+/// Trains, and adds the files of docs/guide/commands.md to the run folder. A stopped training saves
+/// its splats and a checkpoint. Throws Error, and Stopped after a signal. `start`: the state to
+/// continue from; the session frees it as soon as the training has loaded it.
 void run_session(const DeviceChoice& device,
                  const SessionInputs& inputs,
                  SharedState start,

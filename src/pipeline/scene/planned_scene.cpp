@@ -1,59 +1,22 @@
 #include "pipeline/scene/planned_scene.h"
 
-#include <cmath>
-
-#include "core/device/device_choice.h"
 #include "io/config/built_in_configs.h"
 #include "pipeline/priors/view_maps.h"
 #include "pipeline/scene/exposures.h"
 #include "pipeline/scene/initial_points.h"
 #include "pipeline/scene/sky.h"
 #include "plan/background.h"
+#include "plan/decide.h"
 #include "plan/machines.h"
 
 namespace tvsgs {
 namespace {
 
-/// A built-in configuration alone.
+/// The options of a built-in configuration.
 TrainOptions options_of(const char* config) {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    table.read_text("the program", built_in_config(config));
-    return options.train;
-}
-
-/// Leaves out what makes splats thin where the rasteriser has no use for it.
-void plan_thickness(const TrainOptions& options, RunPlan& plan) {
-    const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
-    const char* const why = backbone->traits.flat ? "the splats are flat"
-                            : backbone->traits.fades_thin_splats
-                                ? "the rasteriser fades thin splats"
-                                : nullptr;
-    for (const TermOnList& term : terms_on_list(options.loss))
-        if (why != nullptr && term.needs.thickness && term.weight > 0)
-            plan.apply({str(term.key, " loss"),
-                        "off",
-                        why,
-                        NAN,
-                        NAN,
-                        {{str("loss.", term.key, ".weight"), "0"}}});
-}
-
-/// Not on a CPU, where their iterations take several times as long, nor where the user asks for a
-/// rasteriser, or for what discs do not have.
-bool may_draw_discs(const DeviceChoice& device, const TrainOptions& options, const RunPlan& plan) {
-    if (!device.cuda || plan.pinned("backbone")) return false;
-    for (const TermOnList& term : terms_on_list(options.loss))
-        if (term.needs.thickness && term.weight > 0 &&
-            plan.pinned(str("loss.", term.key, ".weight")))
-            return false;
-    try {
-        make_backbone<Cpu>(kDiscs, options.render);
-        return true;
-    } catch (const Error&) {  // of an option that it does not go by
-        return false;
-    }
+    Configuration built_in;
+    built_in.table.read_text("the program", built_in_config(config));
+    return built_in.options.train;
 }
 
 bool takes_stereo(const PriorOptions& priors) {
@@ -61,10 +24,27 @@ bool takes_stereo(const PriorOptions& priors) {
            priors.source == PriorOptions::Source::stereo;
 }
 
-/// Not where the user has priors in mind: files, or terms that want maps.
-bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
+/// Not on a CPU, where their iterations take several times as long, nor where the user asks for
+/// another rasteriser or for an option that discs lack.
+bool may_draw_discs(const DeviceChoice& device, const Configuration& asked) {
+    if (!device.cuda || is_pinned(asked.table, "backbone")) return false;
+    for (const TermOnList& term : terms_on_list(asked.options.train.loss))
+        if (term.needs.thickness && term.weight > 0 &&
+            is_pinned(asked.table, str("loss.", term.key, ".weight")))
+            return false;
+    try {
+        make_backbone<Cpu>(kDiscs, asked.options.train.render);
+        return true;
+    } catch (const Error&) {  // of an option that discs lack
+        return false;
+    }
+}
+
+/// Not where the user gives other priors, or terms that need them.
+bool may_take_normals(const Configuration& asked) {
+    const RunOptions& options = asked.options;
     if (!takes_stereo(options.priors) || !options.priors.dir.empty() ||
-        plan.pinned("loss.prior_normal.weight"))
+        is_pinned(asked.table, "loss.prior_normal.weight"))
         return false;
     for (const TermOnList& term : terms_on_list(options.train.loss))
         for (const std::string_view map : term.needs.view_maps)
@@ -72,47 +52,230 @@ bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
     return true;
 }
 
-/// The decision, but where another run has fitted the exposures.
+/// The decision, unless another run has fitted the exposures.
 Decision held_exposure(const Decision& decision, const RunOptions& options) {
     const std::string& run = options.train.loss.photometric.exposure_from;
-    if (run.empty()) return decision;
+    if (decision.name != "exposure" || run.empty()) return decision;
     return {"exposure", "held", str("as ", run, " has fitted it"), NAN, NAN, {}};
 }
 
-/// Last, as every other decision says what is held.
-void plan_machine(const DeviceChoice& device,
-                  const RunOptions& options,
-                  const Scene& scene,
-                  RunPlan& plan) {
-    MachineInputs in;
-    in.cuda = device.cuda;
-    in.limits = memory_limits(options.memory, device.cuda);
-    in.first = static_cast<std::int64_t>(scene.points.positions.size());
-    in.expected =
-        expected_splats(scene, options.train, in.first, plan.pinned("densify.max_gaussians"));
-    in.may_stream = !plan.pinned("photo_bytes");
-    in.may_compact = !plan.pinned("tv.lists");
-    plan.apply(plan_machines(scene, options.train, in));
+/// Prepares a run in three rounds: views, cloud, training. Each looks at the scene, decides if the
+/// run is planned, and provides the results, which the next round looks at.
+class Preparation {
+public:
+    Preparation(const DeviceChoice& device, const Configuration& asked, bool planned)
+        : device_(device), config_(asked), planned_(planned) {}
+
+    void read_views(bool resumed = false);
+    void decide_cloud();
+    void provide_cloud();
+    void decide_training();
+    void provide_training(bool priors);
+    void provide_resumed(const ResumePoint& point);  // in place of rounds 2 and 3
+    Resolved result() { return {std::move(scene_), options_, std::move(plan_)}; }
+
+    bool needs_stereo() const { return tvsgs::needs_stereo(options_, scene_); }
+    void remark(const std::string& text) { plan_.remark(text); }
+
+private:
+    void decide_settings(const ChosenViews& chosen);
+    void hold_out_view(ChosenViews& chosen, bool resumed);
+    void look();
+    TrainingInputs training_inputs() const;
+    MachineInputs machine_inputs() const;
+
+    bool pinned(const std::string& key) const { return is_pinned(config_.table, key); }
+    template <class Decided>
+    void apply(const Decided& decided) {
+        plan_.apply(decided, config_.table);
+    }
+
+    const DeviceChoice& device_;
+    Configuration config_;
+    RunOptions& options_ = config_.options;
+    PhotometricOptions& photometric_ = options_.train.loss.photometric;
+    const bool planned_;
+    bool dense_ = false;  // the settings that were chosen
+    RunPlan plan_;
+    Scene scene_;
+    SceneLook look_;
+    SkyLook sky_;
+    StereoStart stereo_;
+};
+
+// Round 1: the views.
+
+void Preparation::read_views(bool resumed) {
+    SceneOptions& o = options_.scene;
+    // Stereo starts from the points that the scene comes with.
+    if (resumed) o.need_points = !needs_of(options_.train.loss).view_maps.empty();
+    o.points_required = !resumed && !planned_ && options_.train.init.min_points == 0;
+    ChosenViews chosen = choose_views(o);
+    if (planned_) decide_settings(chosen);
+    hold_out_view(chosen, resumed);
+
+    scene_ = load_scene(chosen, o);
+    read_exposures(photometric_, scene_.train);
+    read_fixed_points(options_, scene_);
+    if (planned_) apply(decide_masks(look_at_masks(scene_.train, scene_.points.positions)));
+    check_masks(photometric_, scene_.train);
+    check_consistency(options_.train);  // before stereo: masks of an object need coverage
+    keep_to_object(photometric_.masks, scene_.train, scene_.points);
 }
 
-/// Chooses the settings to start from; returns whether they are the dense ones.
-bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
-    const Decision settings = plan_settings(train_views, !options.train.tv.fixed_voters.empty());
-    const bool dense = settings.choice == "dense";
-    plan.apply(settings, built_in_config(dense ? kDenseConfig : kSparseConfig));
-    if (plan.pinned("tv.enabled") && !options.train.tv.enabled && !dense)
-        plan.apply({"voting losses",
-                    "off",
-                    "as voting is",
-                    NAN,
-                    NAN,
-                    {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
-    plan_thickness(options.train, plan);
-    check_consistency(options.train);
-    return dense;
+void Preparation::decide_settings(const ChosenViews& chosen) {
+    SceneOptions& o = options_.scene;
+    if (o.photo_memory == 0) o.photo_memory = memory_limits(options_.memory, device_.cuda).host / 4;
+    if (o.photos == PhotoPlace::automatic) apply(decide_photographs(photo_storage(chosen, o)));
+    with_context(str("reading scene ", o.path), [&] {
+        const TrainOptions& train = options_.train;
+        const Decision settings = tvsgs::decide_settings(
+            static_cast<int>(chosen.split.train.size()), !train.tv.fixed_voters.empty());
+        dense_ = settings.choice == "dense";
+        config_.table.read_text_below(kPlanSource,
+                                      built_in_config(dense_ ? kDenseConfig : kSparseConfig));
+        apply(settings);
+        if (pinned("tv.enabled") && !train.tv.enabled && !dense_) apply(drop_voting_losses());
+        apply(drop_thickness_losses(train));
+        check_consistency(train);
+    });
+}
+
+/// --until converged scores views that do not train. Without test views it holds one out. That view
+/// brings no points, so a resumed run, which knows it from the start, reads the same points.
+void Preparation::hold_out_view(ChosenViews& chosen, bool resumed) {
+    std::vector<int>& train = chosen.split.train;
+    if (options_.plan.until != Until::converged || !chosen.split.test.empty()) return;
+    constexpr std::size_t kFew = 6;
+    if (resumed || train.size() < kFew)
+        throw Error(ExitCode::usage,
+                    str("--until converged: ", train.size(), " training views",
+                        resumed ? ", of which the run has seen all," : "",
+                        " and no test views; expected test views (--eval, --split or --test-list), "
+                        "or in a new run ",
+                        kFew, " training views, of which one is held out"));
+    const auto middle = train.begin() + static_cast<std::ptrdiff_t>(train.size() / 2);
+    const std::string& name = chosen.layout.model.images[static_cast<std::size_t>(*middle)].name;
+    spdlog::info("--until converged: {} is held out", name);
+    config_.table.set("scene.held_out", name, "--until converged");
+    chosen.split.test.push_back(*middle);
+    train.erase(middle);
+}
+
+// Round 2: the start points.
+
+void Preparation::look() {
+    look_ = look_at(scene_, options_.train.loss.multi_view, uses_masks(photometric_.masks), sky_);
+    plan_.note(look_);
+}
+
+void Preparation::decide_cloud() {
+    if (!planned_) return;
+    look();
+    if (options_.scene.init_ply.empty()) apply(tvsgs::decide_cloud(look_, dense_));
+}
+
+void Preparation::provide_cloud() {
+    stereo_ = prepare_points(device_, options_, scene_);
+    sky_ = provide_sky(config_, scene_, planned_ ? &plan_ : nullptr);
+    if (planned_ && scene_.points.positions.empty())
+        throw Error(ExitCode::input, str("E_NO_POINTS: ", options_.scene.path,
+                                         ": no initial points; pass --init-ply, or let stereo make "
+                                         "a cloud (init.min_points)"));
+    fit_near_plane(scene_, options_.train.render);
+}
+
+// Round 3: the training.
+
+void Preparation::decide_training() {
+    if (!planned_) return;
+    if (scene_.points.positions.size() != look_.points || !sky_.views.empty()) look();
+    if (const auto given = static_cast<double>(options_.plan.coverage); given >= 0) {
+        apply(decide_coverage(look_.points_per_pixel, given));
+        look_.points_per_pixel = given;
+    }
+    for (const Decision& decision : tvsgs::decide_training(look_, training_inputs()))
+        apply(held_exposure(decision, options_));
+    if (!pinned("mesh.depth_max") && !pinned("mesh.box")) {
+        PointCloud meshed = scene_.points;
+        const bool masked = options_.mesh.masks && look_.outside;
+        if (masked) drop_background_points(scene_.train, meshed);
+        apply(decide_background(share_beyond(detail::cameras_of(scene_.train), meshed.positions),
+                                masked));
+    }
+    apply(drop_thickness_losses(options_.train));
+    check_consistency(options_.train);
+    apply(decide_machines(scene_, options_.train, machine_inputs()));  // last: it counts all others
+    // config.json has the decisions: a run that repeats it must not decide again.
+    config_.table.set("plan.enabled", "false", kPlanSource);
+}
+
+TrainingInputs Preparation::training_inputs() const {
+    TrainingInputs in;
+    in.dense = dense_;
+    in.discs = may_draw_discs(device_, config_);
+    in.options = options_.train;
+    in.configured = options_of(dense_ ? kDenseConfig : kSparseConfig).iterations;
+    in.wanted = pinned("iterations") ? options_.train.iterations : -1;
+    in.normals = !stereo_.maps.empty() && may_take_normals(config_);
+    in.multi_view = options_of(kDenseConfig).loss;
+    return in;
+}
+
+MachineInputs Preparation::machine_inputs() const {
+    MachineInputs in;
+    in.cuda = device_.cuda;
+    in.limits = memory_limits(options_.memory, device_.cuda);
+    in.first = static_cast<std::int64_t>(scene_.points.positions.size());
+    in.expected =
+        expected_splats(scene_, options_.train, in.first, pinned("densify.max_gaussians"));
+    in.may_stream = !pinned("photo_bytes");
+    in.may_compact = !pinned("tv.lists");
+    return in;
+}
+
+void Preparation::provide_training(bool priors) {
+    if (planned_ && priors) spdlog::info("the plan (--plan prints it alone):\n{}", plan_.text());
+    read_fixed_splats(options_, scene_);  // as the rasteriser that was chosen draws them
+    if (priors) provide_maps(device_, options_, std::move(stereo_), scene_);
+}
+
+void Preparation::provide_resumed(const ResumePoint& point) {
+    read_fixed_splats(options_, scene_);
+    stereo_ = {scene_.points.positions, {}};
+    adopt_scene(point, scene_);
+    read_sky(photometric_, point.run);
+    provide_maps(device_, options_, std::move(stereo_), scene_);
 }
 
 }  // namespace
+
+Resolved resolve(const DeviceChoice& device, const Configuration& asked, bool plan_only) {
+    Preparation run(device, asked, asked.options.plan.enabled || plan_only);
+    if (!asked.options.plan.enabled && plan_only)
+        run.remark(
+            "This is what a run without --config would do; the configuration given is not "
+            "planned (plan.enabled).");
+    run.read_views();
+    run.decide_cloud();
+    if (plan_only && run.needs_stereo()) {
+        run.remark("More is decided on the cloud that stereo makes.");
+        return run.result();
+    }
+    run.provide_cloud();
+    run.decide_training();
+    run.provide_training(!plan_only);
+    return run.result();
+}
+
+Resolved resolve_resumed(const DeviceChoice& device,
+                         const Configuration& asked,
+                         const ResumePoint& point) {
+    Preparation run(device, asked, false);
+    run.read_views(true);
+    run.provide_resumed(point);
+    return run.result();
+}
 
 void check_consistency(const TrainOptions& options) {
     const bool needs_votes =
@@ -141,44 +304,6 @@ void check_consistency(const TrainOptions& options) {
     }
 }
 
-namespace {
-
-/// read_views() of views that are chosen. The view that is held out brings no points, so a run
-/// that goes on, which knows it from the start, reads the same ones.
-Scene load_and_hold_out(ChosenViews chosen, RunOptions& options, bool resumed, OptionTable& table) {
-    std::vector<int>& train = chosen.split.train;
-    const auto load = [&] {
-        Scene scene = load_scene(chosen, options.scene);
-        read_exposures(options.train.loss.photometric, scene.train);
-        return scene;
-    };
-    if (options.plan.until != Until::converged || !chosen.split.test.empty()) return load();
-    constexpr std::size_t kFew = 6;
-    if (resumed || train.size() < kFew)
-        throw Error(ExitCode::usage,
-                    str("--until converged: ", train.size(), " training views",
-                        resumed ? ", of which the run has seen all," : "",
-                        " and no test views; expected test views (--eval, --split or --test-list), "
-                        "or in a new run ",
-                        kFew, " training views, of which one is held out"));
-    const auto middle = train.begin() + static_cast<std::ptrdiff_t>(train.size() / 2);
-    const std::string& name = chosen.layout.model.images[static_cast<std::size_t>(*middle)].name;
-    spdlog::info("--until converged: {} is held out", name);
-    table.set("scene.held_out", name, "--until converged");
-    chosen.split.test.push_back(*middle);
-    train.erase(middle);
-    return load();
-}
-
-}  // namespace
-
-Scene read_views(RunOptions& options, bool resumed, OptionTable& table) {
-    Scene scene = load_and_hold_out(choose_views(options.scene), options, resumed, table);
-    check_masks(options.train.loss.photometric, scene.train);
-    keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
-    return scene;
-}
-
 void provide_maps(const DeviceChoice& device,
                   const RunOptions& options,
                   StereoStart stereo,
@@ -188,101 +313,6 @@ void provide_maps(const DeviceChoice& device,
     if (takes_stereo(options.priors))
         make_stereo_priors(device, stereo_options(options), wanted, std::move(stereo), scene.train);
     complete_maps(options.train.loss, options.descriptors, scene.train);
-}
-
-Scene read_and_plan(const DeviceChoice& device,
-                    bool plan_only,
-                    RunOptions& options,
-                    OptionTable& table,
-                    RunPlan& plan) {
-    if (!options.plan.enabled && !plan_only) {
-        options.scene.points_required = options.train.init.min_points == 0;
-        Scene scene = read_views(options, false, table);
-        read_fixed_points(options, scene);
-        read_fixed_splats(options, scene);
-        StereoStart found = prepare_points(device, options, scene);
-        provide_sky(options, scene, nullptr);
-        fit_near_plane(scene, options.train.render);
-        provide_maps(device, options, std::move(found), scene);
-        return scene;
-    }
-    options.scene.points_required = false;
-    const ChosenViews chosen = choose_views(options.scene);
-    if (options.scene.photo_memory == 0)
-        options.scene.photo_memory = memory_limits(options.memory, device.cuda).host / 4;
-    if (const PhotoStorage photos = photo_storage(chosen, options.scene);
-        photos.in_file && options.scene.photos == PhotoPlace::automatic)
-        plan.apply({"photographs",
-                    "in a file",
-                    photos.reason(),
-                    static_cast<double>(photos.bytes) / 1e9,
-                    static_cast<double>(photos.limit) / 1e9,
-                    {{"scene.photos", "file"}}});
-    const bool dense = with_context(str("reading scene ", options.scene.path), [&] {
-        return plan_start(static_cast<int>(chosen.split.train.size()), options, plan);
-    });
-    Scene scene = load_and_hold_out(chosen, options, false, table);
-    read_fixed_points(options, scene);
-
-    for (const Decision& decision : plan_masks(look_at_masks(scene.train, scene.points.positions)))
-        plan.apply(decision);
-    const MaskUse use = options.train.loss.photometric.masks;
-    const bool masks = uses_masks(use);
-    check_masks(options.train.loss.photometric, scene.train);
-    check_consistency(options.train);  // before stereo: masks of an object need coverage
-    keep_to_object(use, scene.train, scene.points);
-    SkyLook sky;
-    const auto look = [&] {
-        const SceneLook seen = look_at(scene, options.train.loss.multi_view, masks, sky);
-        plan.note(seen);
-        return seen;
-    };
-    SceneLook seen = look();
-    if (options.scene.init_ply.empty()) plan.apply(plan_cloud(seen, dense));
-    const bool stereo = needs_stereo(options, scene);
-    if (!options.plan.enabled)
-        plan.remark(
-            "This is what a run without --config would do; the configuration given is not "
-            "planned (plan.enabled).");
-    if (plan_only && stereo) {
-        plan.remark("More is decided on the cloud that stereo makes.");
-        return scene;
-    }
-    StereoStart found = prepare_points(device, options, scene);
-    sky = provide_sky(options, scene, &plan);
-    if (scene.points.positions.empty())
-        throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
-                                         ": no initial points; pass --init-ply, or let stereo make "
-                                         "a cloud (init.min_points)"));
-    fit_near_plane(scene, options.train.render);
-    if (scene.points.positions.size() != seen.points || !sky.views.empty()) seen = look();
-    if (const auto given = static_cast<double>(options.plan.coverage); given >= 0) {
-        plan.apply(given_coverage(seen.points_per_pixel, given));
-        seen.points_per_pixel = given;
-    }
-    const TrainOptions multi_view = options_of(kDenseConfig);
-    const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
-              wanted = plan.pinned("iterations") ? options.train.iterations : -1;
-    const bool discs = may_draw_discs(device, options.train, plan),
-               normals = !found.maps.empty() && may_take_normals(options, plan);
-    for (const Decision& decision : plan_training(
-             seen, {dense, discs, options.train, configured, wanted, normals, multi_view.loss}))
-        plan.apply(decision.name == "exposure" ? held_exposure(decision, options) : decision);
-    if (!plan.pinned("mesh.depth_max") && !plan.pinned("mesh.box")) {
-        PointCloud meshed = scene.points;
-        const bool masked = options.mesh.masks && seen.outside;
-        if (masked) drop_background_points(scene.train, meshed);
-        plan.apply(plan_background(share_beyond(detail::cameras_of(scene.train), meshed.positions),
-                                   masked));
-    }
-    plan_thickness(options.train, plan);
-    check_consistency(options.train);
-    plan_machine(device, options, scene, plan);
-    if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
-    read_fixed_splats(options, scene);  // as the rasteriser that was chosen draws them
-    if (!plan_only) provide_maps(device, options, std::move(found), scene);
-    plan.finish();
-    return scene;
 }
 
 }  // namespace tvsgs

@@ -1,40 +1,41 @@
-// From options to the scene that is trained on, with what it needs decided on the way.
+// From the options that are asked for to the scene and the options that a run trains with.
 #pragma once
 
 #include "core/device/device_choice.h"
 #include "pipeline/priors/stereo_priors.h"
+#include "pipeline/run/checkpoints.h"
 #include "pipeline/run/run_options.h"
 #include "plan/settings.h"
 
 namespace tvsgs {
 
-/// Throws Error(ExitCode::usage) for a configuration that cannot work; to be called before the
+/// A run before its first step. Nothing changes its options from here on.
+struct Resolved {
+    Scene scene;
+    const RunOptions options;  // of config.json
+    const RunPlan plan;        // empty: the options ask for none
+};
+
+/// Reads the scene, decides where a plan is asked for, and provides what the training needs: start
+/// points, the sky, exposures, fixed splats, priors. `plan_only`: the plan will only be printed, so
+/// neither stereo nor priors are made. Throws Error.
+Resolved resolve(const DeviceChoice& device, const Configuration& asked, bool plan_only);
+
+/// The same for a run that continues from `point`: it keeps its decisions and its start points.
+Resolved resolve_resumed(const DeviceChoice& device,
+                         const Configuration& asked,
+                         const ResumePoint& point);
+
+/// Throws Error(ExitCode::usage) for a configuration that cannot work. To be called before the
 /// photographs are read, which takes a while.
 void check_consistency(const TrainOptions& options);
 
-/// The scene. --until converged needs views that do not train: the test views, or, without any, one
-/// that is held out here and noted in `table`. Throws Error(ExitCode::usage) where a `resumed` run
-/// would have to hold one out, as it has trained on all of its views. Checks the masks, and drops
-/// the points outside of those of an object.
-Scene read_views(RunOptions& options, bool resumed, OptionTable& table);
-
-/// Fills the maps that the losses ask for: from files, from `stereo`, descriptors, as
-/// `priors.source` says. A run that is resumed has the points of its checkpoint then, so that the
-/// maps are those it began with; `stereo` goes by those that the scene came with. Throws Error
-/// where one is missing.
+/// Fills the maps that the losses need, from the sources of `priors.source`: files, stereo,
+/// descriptors. `stereo`: the points that the scene came with, so that a resumed run gets the same
+/// maps. Throws Error if a map is missing.
 void provide_maps(const DeviceChoice& device,
                   const RunOptions& options,
                   StereoStart stereo,
                   Scene& scene);
-
-/// The scene with its initial cloud and its priors. Where a plan is asked for, its decisions are
-/// made as soon as what they go by is known: the views, the cloud that comes with them, the cloud
-/// that training starts from. `plan_only`: the plan is only printed, so stereo does not run.
-/// `table` refers to `options`.
-Scene read_and_plan(const DeviceChoice& device,
-                    bool plan_only,
-                    RunOptions& options,
-                    OptionTable& table,
-                    RunPlan& plan);
 
 }  // namespace tvsgs

@@ -7,6 +7,7 @@
 #include "core/log.h"
 #include "io/images/image_file.h"
 #include "optim/growth/init_cloud.h"
+#include "plan/decide.h"
 
 namespace tvsgs {
 namespace {
@@ -15,19 +16,15 @@ std::string file_of(const std::string& run) {
     return run + "/sky.png";
 }
 
-/// Whether the plan may choose a sky: not with object masks or a background set by the user.
-bool may_plan(const PhotometricOptions& options, const RunPlan* plan) {
-    return plan != nullptr && options.masks != MaskUse::object &&
-           !plan->pinned("loss.photometric.background");
-}
-
 }  // namespace
 
-SkyLook provide_sky(RunOptions& options, Scene& scene, RunPlan* plan) {
-    PhotometricOptions& o = options.train.loss.photometric;
-    if (!may_plan(o, plan) && !has_sky(o)) return {};
+SkyLook provide_sky(Configuration& config, Scene& scene, RunPlan* plan) {
+    PhotometricOptions& o = config.options.train.loss.photometric;
+    const bool decides = plan != nullptr && o.masks != MaskUse::object &&
+                         !is_pinned(config.table, "loss.photometric.background");
+    if (!decides && !has_sky(o)) return {};
     SkyLook look = look_for_sky(scene.train, scene.points.positions, uses_masks(o.masks));
-    if (may_plan(o, plan)) plan->apply(plan_sky(look.share));
+    if (decides) plan->apply(decide_sky(look.share), config.table);
     if (!has_sky(o)) return {};
     const std::vector<std::size_t> kept =
         points_before_sky(scene.train, look, scene.points.positions);

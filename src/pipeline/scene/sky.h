@@ -1,11 +1,11 @@
-// Detects the sky of a scene, and writes and reads its map RUN/sky.png. [docs/method/sky.md]
+// The sky behind a scene: finds it, makes its map, and keeps it in RUN/sky.png.
+// [docs/method/sky.md]
 #pragma once
 
 #include <string>
 
 #include "optim/photo/sky.h"
 #include "pipeline/run/run_options.h"
-#include "plan/settings.h"
 
 namespace tvsgs {
 
@@ -13,19 +13,19 @@ inline bool has_sky(const PhotometricOptions& options) {
     return parse_background(options.background).kind == PhotoBackground::Kind::sky;
 }
 
-/// Detects a sky and makes its map where the run uses one, from the photographs or from
-/// options.sky_from. `plan` (may be null) decides, unless masks or the user have decided. Removes
-/// points of the scene in the sky. Returns the detected pixels; empty without a sky. Throws
-/// Error(ExitCode::input).
-SkyLook provide_sky(RunOptions& options, Scene& scene, RunPlan* plan);
+/// Looks for a sky and lets `plan` decide on it, if there is a plan and neither the user nor object
+/// masks exclude a sky. If the run has one, fills PhotometricOptions::sky with its map, made of the
+/// photographs or read from `sky_from`, drops the scene's points in it, and returns the look; else
+/// an empty look. Throws Error(ExitCode::input).
+SkyLook provide_sky(Configuration& config, Scene& scene, RunPlan* plan);
 
-/// Whether a run has a sky map.
+/// Whether the run has a map of its sky.
 bool has_sky_file(const std::string& run);
 
-/// Writes the map if the options have one.
+/// Writes RUN/sky.png if the options have a map.
 void write_sky(const std::string& run, const PhotometricOptions& options);
 
-/// Reads the run's map if the background is a sky. Throws Error(ExitCode::input) if it is missing.
+/// Reads the run's map if the background is a sky. Throws Error(ExitCode::input) if there is none.
 void read_sky(PhotometricOptions& options, const std::string& run);
 
 }  // namespace tvsgs

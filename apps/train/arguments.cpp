@@ -1,0 +1,184 @@
+#include "apps/train/arguments.h"
+
+#include <filesystem>
+
+#include "apps/common/command_line.h"
+#include "apps/common/key_flags.h"
+#include "core/progress.h"
+#include "io/config/built_in_configs.h"
+#include "pipeline/scene/planned_scene.h"
+
+namespace tvsgs {
+namespace {
+
+std::string default_run_folder(const std::string& scene) {
+    return "runs/" + std::filesystem::weakly_canonical(scene).filename().string();
+}
+
+/// The folder itself, if it exists; else the nearest one above it.
+std::string existing_folder_above(const std::string& path) {
+    namespace fs = std::filesystem;
+    std::error_code code;
+    fs::path folder = fs::absolute(path, code).lexically_normal();
+    while (!fs::is_directory(folder, code) && folder != folder.parent_path())
+        folder = folder.parent_path();
+    return folder.string();
+}
+
+}  // namespace
+
+TrainArguments parse_train_arguments(int argc, char* const* argv) {
+    TrainArguments arguments;
+    OptionTable& table = arguments.asked.table;
+    for (int i = 0; i < argc; ++i) arguments.command_line += (i ? " " : "") + std::string(argv[i]);
+    std::string progress = "auto";
+    bool verbose = false, deterministic = true;
+    CLI::App app{
+        "Trains Gaussian splats on calibrated photographs; tensor voting keeps the surface.",
+        "tvsgs-train"};
+    app.get_formatter()->column_width(46);
+    std::vector<std::string> configs, settings;
+    KeyFlags flags(app, table);
+    flags.add_scene();
+    flags.add("--mask-use", "loss.photometric.masks",
+              "object: nothing is outside of the masks; ignore: what is outside is not looked at; "
+              "none [the plan decides; none without it]",
+              "Scene");
+    flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
+              "Scene");
+    flags.add("--fixed-points", "tv.fixed_voters",
+              "measured points (LiDAR) in the frame of the scene: they vote and never move",
+              "Scene");
+    flags.add("--priors", "priors.dir",
+              "folder of depth, normals and features that others made of the photographs [looked "
+              "for in the scene]",
+              "Scene");
+    const char* group = "Training";
+    flags.add(
+        "--iterations", "iterations",
+        "training iterations, to which the plan fits its schedule [by the plan; with --config, "
+        "that of the file]",
+        group);
+    flags.add("--seed", "seed", "of all random numbers", group);
+    flags.add("--max-gaussians", "densify.max_gaussians", "growth stops there", group);
+    flags.add("--gpu-memory", "memory.gpu", "GPU memory to use, such as 8G: growth stops before",
+              group);
+    flags.add("--host-memory", "memory.host", "the same of the host", group);
+    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
+    flags.add_switch("--refine-cameras", "cameras.refine",
+                     "move the training views' poses along with the splats [the plan decides; no "
+                     "without it]",
+                     group);
+    flags.add("--time-budget", "plan.time_budget",
+              "seconds of training to fit the schedule into, at most as long as it is", group);
+    flags.add("--until", "plan.until",
+              "iterations, or converged: stop when views that do not train gain no more", group);
+    app.add_flag("--deterministic", deterministic,
+                 "accepted for scripts: every run is reproducible bit for bit")
+        ->group(group);
+    group = "Evaluation";
+    flags.add("--eval-at", "eval.at",
+              "seconds of training after which to evaluate: 5,10,20,40 or 5,10,...", group);
+    flags.add("--eval-every", "eval.every", "iterations between evaluations", group);
+    flags.add("--gt", "eval.gt", "true surface (PLY): Chamfer and F1 of the splats' centres",
+              group);
+    flags.add_switch("--eval-mesh", "eval.mesh", "with --gt: extract and measure the mesh as well",
+                     group);
+    flags.add("--visible-gt", "eval.visible_gt", "part that completeness asks for", group);
+    flags.add("--crop", "eval.crop", "selection volume, box or gt/info.json", group);
+    flags.add("--tau", "eval.taus", "thresholds T,T,... of F1 [0.5, 1, 2 % of the truth]", group);
+    group = "Configuration";
+    app.add_option("-c,--config", configs, "JSON file; later ones win [configs/auto.json]")
+        ->group(group)
+        ->expected(1)
+        ->take_all();
+    app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")
+        ->group(group)
+        ->expected(1)
+        ->take_all();
+    app.add_flag("--plan", arguments.plan,
+                 "look at the scene, print what it needs and why, with its memory and time, and "
+                 "stop; without a configuration that is what a run goes by")
+        ->group(group);
+    app.add_flag("--list-keys", arguments.list_keys,
+                 "print every key with its range, default and meaning")
+        ->group(group);
+    group = "Output";
+    app.add_option("-o,-m,--out,--output,--model-path", arguments.out,
+                   "run folder [runs/<name of the scene>]")
+        ->group(group);
+    app.add_flag("--overwrite", arguments.overwrite, "replace the run in an occupied folder")
+        ->group(group);
+    std::string resume;
+    CLI::Option* const resume_flag =
+        app.add_option("--resume", resume,
+                       "go on from the newest checkpoint of that run folder (or of --out), or from "
+                       "that checkpoint; other flags change the configuration from there on")
+            ->expected(0, 1)
+            ->group(group);
+    app.add_option("--checkpoint-every", arguments.session.checkpoint_every,
+                   "iterations between checkpoints, the end is one as well; 0: only when the run "
+                   "is stopped [5000]")
+        ->check(CLI::Range(0, 1000000000))
+        ->group(group);
+    app.add_option("--progress", progress, "auto, plain or json")
+        ->check(CLI::IsMember({"auto", "plain", "json"}))
+        ->group(group);
+    app.add_option("--report-every", arguments.session.report_every,
+                   "iterations between lines of log.jsonl [50]")
+        ->check(CLI::Range(1, 1000000000))
+        ->group(group);
+    CLI::Option* quiet =
+        app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
+    app.add_flag("--verbose", verbose, "more detail")->group(group)->excludes(quiet);
+    app.add_flag("--profile", arguments.session.profile,
+                 "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
+        ->group(group);
+    app.add_option("--live", arguments.session.live_every,
+                   "write the splats every so many seconds, for tvsgs-view to follow the run [5]")
+        ->expected(0, 1)
+        ->default_str("5")
+        ->check(in_range(1.0, 1e6))
+        ->group(group);
+    parse_command_line(app, argc, argv);
+    init_log(arguments.quiet ? Verbosity::quiet : verbose ? Verbosity::verbose : Verbosity::normal);
+    if (!arguments.quiet && progress != "auto")
+        set_progress_style(progress == "json" ? ProgressStyle::json : ProgressStyle::plain);
+
+    Resume& resume_from = arguments.resume;
+    if (arguments.plan && resume_flag->count() > 0)
+        throw Error(ExitCode::usage,
+                    "--plan with --resume: a run that goes on keeps its settings; plan.json in its "
+                    "folder is the plan");
+    if (resume_flag->count() > 0) resume_from = open_resume(resume, arguments.out, table);
+    if (configs.empty() && !is_configured(resume_from, arguments.out))
+        table.read_text("configs/auto.json", built_in_config(kAutoConfig));
+    for (const std::string& file : configs) table.read_file(file);
+    table.read_environment();
+    flags.set_keys(table);
+    table.set_all(settings);
+
+    SceneOptions& scene = arguments.asked.options.scene;
+    if (arguments.out.empty()) arguments.out = default_run_folder(scene.path);
+    scene.scratch = existing_folder_above(arguments.out);
+    return arguments;
+}
+
+void check_train_arguments(const TrainArguments& arguments) {
+    const RunOptions& options = arguments.asked.options;
+    const Resume& resume = arguments.resume;
+    if (options.scene.path.empty())
+        throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
+    check_consistency(options.train);
+    const EvaluationSchedule checked(options.eval);
+    check_mesh_options(options.mesh);
+    if (!arguments.plan)
+        require_free_run_folder(arguments.out, arguments.overwrite, resume.in_place(),
+                                options.scene);
+    if (!arguments.overwrite) require_nothing_lost(resume, arguments.out);
+    require_iterations_left(resume, options.train.iterations);
+    require_same_backbone(resume, options.train.backbone);
+    if (resume.point) check_start(*resume.point->state, options.train);
+}
+
+}  // namespace tvsgs

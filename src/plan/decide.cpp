@@ -1,0 +1,454 @@
+#include "plan/decide.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/error.h"
+#include "optim/loop/schedule.h"
+#include "plan/figures.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+// Thresholds. docs/results/plan.md has the runs behind them; docs/guide/plan.md names those that
+// were not measured.
+constexpr int kDenseViews = 40;
+constexpr double kModelCovers = 0.4, kCloudForDiscs = 0.06;  // points per pixel
+constexpr double kDrift = 0.15;
+constexpr double kPoseError = 0.5, kPoseExact = 0.25;  // px
+// A background of one colour: share of the images' borders, and at most of the initial points.
+constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
+// Masks: share of the initial points outside; share of the images' border outside, from which on
+// they are of an object, with full coverage kObjectSlope above it.
+constexpr double kMatchedOutside = 0.5, kObjectBorder = 0.1, kObjectSlope = 0.3, kCoverage = 0.1;
+// Share of the textured pixels that two views see alike in the same direction.
+constexpr double kSky = 0.02;
+// Settings for a cloud that covers the scene.
+constexpr double kPositionWeight = 10;
+constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
+              kOpaqueAfter = 250, kOpaqueShare = 20;
+// Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
+constexpr int kFewViews = 9, kManyViews = 20;
+// Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
+constexpr int kMeshedScalePx = 16, kLeastViews = 3;
+constexpr double kLargestScalePx = 1e5;  // none is larger
+// Depth jumps within a surface that a single view sees: without a covering cloud (the default of
+// mesh.lone_jump_px), and with one for up to kLeastViews and from kFewViews on.
+constexpr double kBareJumpPx = 0.25, kLeastJumpPx = 0.1, kManyJumpPx = 1;
+/// Grows with the pixels of a scene, up to kManyMegapixels.
+struct ByPixels {
+    const char *decision, *key;
+    double few_megapixels, few_px, many_px;
+};
+constexpr double kManyMegapixels = 9;
+constexpr ByPixels kByPixels[] = {{"mesh error", "mesh.error", 2, 0.3, 0.5},
+                                  {"mesh voxels", "mesh.voxel_scale", 4.5, 1, 1.25}};
+
+/// Interpolates from the value without a covering cloud to the value with one.
+double between(double bare, double covered, double share) {
+    return bare + share * (covered - bare);
+}
+int between(int bare, int covered, double share) {
+    return static_cast<int>(std::lround(between(1.0 * bare, 1.0 * covered, share)));
+}
+
+/// "12 < 25".
+std::string compared(double measured, double threshold, const char* unit = "") {
+    return std::isnan(measured)
+               ? str("not known")
+               : str(number(measured), unit,
+                     measured < threshold ? " < " : " >= ", number(threshold), unit);
+}
+
+/// The keys of the schedule that change when it is fitted to other iterations.
+Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitted) {
+    std::vector<int> before;
+    visit_schedule(options,
+                   [&](const std::string&, int number, Counts) { before.push_back(number); });
+    Settings settings;
+    std::size_t next = 0;
+    visit_schedule(fitted, [&](const std::string& key, int number, Counts) {
+        if (const int was = before[next++]; number != was || key == "iterations")
+            settings.emplace_back(key, std::to_string(number));
+    });
+    return settings;
+}
+
+Decision decide_poses(const SceneLook& look, const CameraOptions& options) {
+    const bool off = look.pose_error >= kPoseError;
+    Decision decision{"poses",
+                      off ? "refined" : "as given",
+                      "no observations of points to measure them by",
+                      look.pose_error,
+                      kPoseError,
+                      {{"cameras.refine", off ? "true" : "false"}}};
+    if (std::isnan(look.pose_error)) return decision;
+    decision.reason =
+        str("off by what their points say, ", compared(look.pose_error, kPoseError, " px"));
+    if (off || !options.refine) return decision;
+    // The user refines poses whose points fit well: they hold a pose better than photographs do.
+    const double loose = (look.pose_error - kPoseExact) / (kPoseError - kPoseExact);
+    const double bound = std::max(1e-3, loose * static_cast<double>(options.bound_px));
+    decision.reason += str("; they move by ", rounded(bound), " px at most");
+    decision.settings.emplace_back("cameras.bound_px", rounded(bound));
+    return decision;
+}
+
+Decision decide_exposure(const SceneLook& look) {
+    const bool drifts = look.exposure_drift >= kDrift;
+    return {"exposure",
+            drifts ? "fitted" : "off",
+            std::isnan(look.exposure_drift)
+                ? "no two views near each other share enough points"
+                : str("brightness of a view where another sees the same, off by ",
+                      compared(100 * look.exposure_drift, 100 * kDrift, " %")),
+            look.exposure_drift,
+            kDrift,
+            {{"loss.photometric.exposure", drifts ? "true" : "false"}}};
+}
+
+/// The decisions of one training, in the order of RUN/plan.json.
+class TrainingDecisions {
+public:
+    TrainingDecisions(const SceneLook& look, const TrainingInputs& in)
+        : look_(look),
+          in_(in),
+          points_(look.points_per_pixel),
+          covered_(in.dense ? 0 : covered_share(points_)) {}
+
+    std::vector<Decision> all() {
+        schedule();
+        growth();
+        rasteriser();
+        if (covered_ > 0) {
+            normals();
+            meshed_splats();
+            single_views();
+        }
+        mesh_resolution();
+        if (covered_ > 0 && in_.options.tv.enabled) votes();
+        if (in_.dense || covered_ > 0) multi_view();
+        background();
+        plan_.push_back(decide_poses(look_, in_.options.cameras));
+        plan_.push_back(decide_exposure(look_));
+        return std::move(plan_);
+    }
+
+private:
+    /// Adds a decision that depends on the coverage.
+    void by_cloud(const char* name, const std::string& choice, Settings settings) {
+        const std::string against =
+            covered_ > 0 && covered_ < 1
+                ? str(number(points_), ", by degrees from ", kSparseCloud, " to ", kCoveringCloud)
+                : compared(points_, covered_ > 0 ? kCoveringCloud : kSparseCloud);
+        plan_.push_back({name, choice, str("points per pixel: ", against), points_, kSparseCloud,
+                         std::move(settings)});
+    }
+    void by_views(int many, const std::string& slope) {
+        plan_.back().reason +=
+            str("; training views: ", compared(look_.train_views, many), ", ", slope);
+    }
+
+    void schedule() {
+        const int enough = std::max(kIterations, kIterationsPerView * look_.train_views);
+        iterations_ = in_.wanted >= 0
+                          ? in_.wanted
+                          : between(in_.configured, std::min(enough, in_.configured), covered_);
+        TrainOptions fitted = in_.options;
+        fitted.iterations = in_.configured;
+        fit_schedule(fitted, iterations_);
+        normal_start_ = fitted.loss.normal.start;
+        const Settings schedule = schedule_settings(in_.options, fitted);
+        const std::string count = std::to_string(iterations_);
+        if (in_.wanted >= 0)
+            plan_.push_back(
+                {"iterations", count, "as asked; the schedule fits them", kNone, kNone, schedule});
+        else if (in_.dense)
+            plan_.push_back({"iterations", count, "of the dense settings", kNone, kNone, schedule});
+        else
+            by_cloud("iterations", count, schedule);
+        if (in_.wanted < 0 && covered_ > 0)
+            plan_.back().reason +=
+                str("; in full ", kIterationsPerView, " per view, ", kIterations, " at least");
+    }
+
+    void growth() {
+        if (in_.dense) return;
+        // A user who asks for growth where the plan has none gets full growth.
+        if (covered_ >= 1)
+            by_cloud("densify", "off", {{"densify.enabled", "false"}});
+        else
+            by_cloud("densify",
+                     covered_ > 0 ? str("in gaps, less by ", number(100 * covered_), " %") : "on",
+                     {{"densify.enabled", "true"}, {"densify.spare_covered", rounded(covered_)}});
+    }
+
+    void rasteriser() {
+        if (in_.dense || !in_.discs || !(points_ >= kCloudForDiscs)) return;
+        // Files keep three scales, for the viewers of 3DGS.
+        plan_.push_back({"rasteriser",
+                         "discs",
+                         str("points per pixel: ", compared(points_, kCloudForDiscs)),
+                         points_,
+                         kCloudForDiscs,
+                         {{"backbone", kDiscs}, {"output.ply_scales", "three"}}});
+    }
+
+    void normals() {
+        const std::string start = std::to_string(between(normal_start_, 1, covered_));
+        by_cloud("normal loss", str("from ", start), {{"loss.normal.start", start}});
+        if (!in_.normals || look_.train_views >= kManyViews) return;
+        const double few = static_cast<double>(kManyViews - look_.train_views) /
+                           static_cast<double>(kManyViews - kFewViews);
+        const std::string weight = rounded(covered_ * std::min(few, 1.0));
+        by_cloud("prior normals", str("weight ", weight),
+                 // Priors that lie beside a scene were not measured.
+                 {{"loss.prior_normal.weight", weight}, {"priors.source", "stereo"}});
+        by_views(kManyViews, str(kFewViews, " or fewer: in full"));
+    }
+
+    /// A larger splat lies in a gap of the cloud, at a depth that nothing has measured.
+    void meshed_splats() {
+        if (look_.train_views >= kFewViews) return;
+        const int least = kMeshedScalePx << std::max(0, look_.train_views - kLeastViews);
+        const std::string px = rounded(std::min(least / covered_, kLargestScalePx));
+        by_cloud("meshed splats", str("up to ", px, " px"), {{"mesh.max_scale_px", px}});
+        by_views(kFewViews, str(kLeastViews, " or fewer: ", kMeshedScalePx, " in full"));
+    }
+
+    /// With more views, surface that a single view sees is right more often, rough as it is.
+    void single_views() {
+        const double many = std::clamp(static_cast<double>(look_.train_views - kLeastViews) /
+                                           static_cast<double>(kFewViews - kLeastViews),
+                                       0.0, 1.0);
+        const double covered_px = kLeastJumpPx * std::pow(kManyJumpPx / kLeastJumpPx, many),
+                     jump_px = kBareJumpPx * std::pow(covered_px / kBareJumpPx, covered_);
+        by_cloud("lone views", str("up to ", number(jump_px), " px"),
+                 {{"mesh.lone_jump_px", rounded(jump_px)}});
+        by_views(kFewViews, str(kLeastViews, " or fewer: ", kLeastJumpPx));
+    }
+
+    void mesh_resolution() {
+        for (const ByPixels& by : kByPixels) {
+            if (!(look_.megapixels > by.few_megapixels)) continue;
+            const double many = std::min(
+                (look_.megapixels - by.few_megapixels) / (kManyMegapixels - by.few_megapixels),
+                1.0);
+            const std::string px = rounded(by.few_px + many * (by.many_px - by.few_px));
+            plan_.push_back({by.decision,
+                             str(px, " px"),
+                             str("megapixels of the training views: ", number(look_.megapixels),
+                                 "; ", by.few_px, " px up to ", by.few_megapixels, ", ", by.many_px,
+                                 " from ", kManyMegapixels, " on"),
+                             look_.megapixels,
+                             by.few_megapixels,
+                             {{by.key, px}}});
+        }
+    }
+
+    void votes() {
+        const TrainOptions& o = in_.options;
+        const std::string every = std::to_string(between(o.tv.vote_every, kVoteEvery, covered_)),
+                          search =
+                              std::to_string(between(o.tv.refresh_every, kRefreshEvery, covered_)),
+                          weight = rounded(between(static_cast<double>(o.loss.tv_position.weight),
+                                                   kPositionWeight, covered_));
+        by_cloud("votes", str("every ", every), {{"tv.vote_every", every}});
+        by_cloud("position loss", str("weight ", weight), {{"loss.tv_position.weight", weight}});
+        by_cloud("neighbours", str("every ", search), {{"tv.refresh_every", search}});
+    }
+
+    void multi_view() {
+        const bool on = look_.views_in_wide_pairs > 0;
+        const double strength = !on ? 0 : in_.dense ? 1 : covered_;
+        // Before the splats are opaque, the compared depths are means of near and far ones. They
+        // need as many iterations in a longer training; a short one starts earlier.
+        const std::string start =
+            std::to_string(std::clamp(iterations_ / kOpaqueShare, 1, kOpaqueAfter));
+        Settings settings, starts;
+        for (const TermOnList& term : terms_on_list(in_.multi_view)) {
+            if (term.needs.other_views == 0 || !(term.weight > 0)) continue;
+            settings.emplace_back(str("loss.", term.key, ".weight"),
+                                  rounded(strength * static_cast<double>(term.weight)));
+            starts.emplace_back(str("loss.", term.key, ".start"), start);
+        }
+        settings.emplace_back("loss.multi_view.limits", "relative");
+        settings.emplace_back("loss.multi_view.lone_angle_deg", str(kWideAngleDeg));
+        if (on && !in_.dense) settings.insert(settings.end(), starts.begin(), starts.end());
+        const std::string choice = on ? str(number(100 * strength), " %") : "off",
+                          pairs = str("views with another within ",
+                                      in_.options.loss.multi_view.max_angle_deg,
+                                      " degrees: ", number(look_.views_in_pairs),
+                                      ", with the others up to ", kWideAngleDeg, ": ",
+                                      number(look_.views_in_wide_pairs));
+        if (in_.dense) {
+            plan_.push_back({"multi-view", choice, pairs, look_.views_in_wide_pairs, 0, settings});
+            return;
+        }
+        by_cloud("multi-view", choice, settings);
+        plan_.back().reason += str("; ", pairs);
+    }
+
+    /// Not with a sky, nor where masks leave out a part of the photographs.
+    void background() {
+        const MaskUse use = in_.options.loss.photometric.masks;
+        const bool masked = use == MaskUse::object || (uses_masks(use) && look_.outside);
+        const bool sky = in_.options.loss.photometric.background == "sky";
+        if (masked || sky || !(look_.background_border > 0)) return;
+        const bool one = look_.background_border >= kBackgroundBorder &&
+                         look_.background_points < kBackgroundPoints;
+        const std::string color =
+            one ? str(look_.background[0], ",", look_.background[1], ",", look_.background[2])
+                : "none";
+        plan_.push_back({"background",
+                         color,
+                         str("of the images' border in one colour: ",
+                             compared(look_.background_border, kBackgroundBorder),
+                             "; of the initial points there: ",
+                             compared(look_.background_points, kBackgroundPoints)),
+                         look_.background_border,
+                         kBackgroundBorder,
+                         {{"loss.photometric.background", color}}});
+    }
+
+    const SceneLook& look_;
+    const TrainingInputs& in_;
+    const double points_, covered_;  // per pixel; 0 to 1, see covered_share()
+    int iterations_ = 0, normal_start_ = 0;
+    std::vector<Decision> plan_;
+};
+
+}  // namespace
+
+std::vector<Decision> decide_photographs(const PhotoStorage& storage) {
+    if (!storage.in_file) return {};
+    return {{"photographs",
+             "in a file",
+             storage.reason(),
+             static_cast<double>(storage.bytes) / 1e9,
+             static_cast<double>(storage.limit) / 1e9,
+             {{"scene.photos", "file"}}}};
+}
+
+Decision decide_settings(int train_views, bool measured_points) {
+    const bool dense = train_views >= kDenseViews && !measured_points;
+    return {"settings",
+            dense ? "dense" : "sparse",
+            measured_points ? "measured points vote, for which the dense settings have no votes"
+                            : str("training views: ", compared(train_views, kDenseViews)),
+            static_cast<double>(train_views),
+            kDenseViews,
+            {}};
+}
+
+std::vector<Decision> decide_masks(const MaskLook& look) {
+    if (look.masked == 0) return {};
+    const std::string found = str("masks: ", look.masked, " of ", look.views, " training views");
+    const auto decision = [&](const char* choice, const std::string& reason, Settings settings) {
+        settings.emplace_back("loss.photometric.masks", choice);
+        return std::vector<Decision>{{"masks", choice, str(found, "; ", reason), look.border,
+                                      kObjectBorder, std::move(settings)}};
+    };
+    if (look.outside == 0)
+        return decision("ignore", "they leave out only what the lenses did not see", {});
+    if (!look.empty.empty())
+        return decision("none", str("that of ", look.empty, " has no pixel of the object"), {});
+    // Points outside have a place, which keeps the surroundings apart from the object.
+    if (look.matched >= kMatchedOutside)
+        return decision(
+            "none", str("of the initial points outside: ", compared(look.matched, kMatchedOutside)),
+            {});
+    const std::string border =
+        str("of the initial points outside: ", compared(look.matched, kMatchedOutside),
+            "; of the images' border outside: ", compared(look.border, kObjectBorder));
+    if (look.border < kObjectBorder) return decision("ignore", border, {});
+    const double full = std::min(1.0, (look.border - kObjectBorder) / kObjectSlope);
+    return decision(
+        "object", str(border, "; in full from ", number(kObjectBorder + kObjectSlope)),
+        {{"loss.photometric.coverage", number(std::round(100 * full) / 100 * kCoverage)}});
+}
+
+Decision decide_cloud(const SceneLook& look, bool dense) {
+    if (dense) {
+        const int least = InitOptions{}.min_points;
+        const auto points = static_cast<double>(look.points);
+        return {"initial cloud",
+                points < least ? "stereo" : "the model's",
+                str("points: ", compared(points, least)),
+                points,
+                1.0 * least,
+                {{"init.min_points", std::to_string(least)}}};
+    }
+    const bool covers = look.points_per_pixel >= kModelCovers;
+    // As many points as cover the views, in proportion to the points that views see.
+    const double wanted = look.points_per_pixel > 0 ? kModelCovers / look.points_per_pixel *
+                                                          static_cast<double>(look.points)
+                                                    : kModelCovers * look.pixels;
+    std::string reason = str("points per pixel: ", compared(look.points_per_pixel, kModelCovers));
+    // A trial at a small size must not promise the plan of the full size.
+    if (const double full = look.points_per_pixel / (look.reduction * look.reduction);
+        covers != (full >= kModelCovers))
+        reason += str("; at the photographs' own size ", compared(full, kModelCovers),
+                      ", and the plan another");
+    return {"initial cloud",
+            covers ? "the model's" : "stereo",
+            reason,
+            look.points_per_pixel,
+            kModelCovers,
+            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};
+}
+
+Decision decide_sky(double share) {
+    const bool on = share >= kSky;
+    Settings settings;
+    if (on) settings.emplace_back("loss.photometric.background", "sky");
+    return {"sky",
+            on ? "behind the splats" : "none",
+            std::isnan(share) ? "no two views stand apart and look the same way"
+                              : str("pixels that another view sees alike in the same direction: ",
+                                    compared(100 * share, 100 * kSky, " %")),
+            share,
+            kSky,
+            settings};
+}
+
+Decision decide_coverage(double measured, double given) {
+    return {"coverage",
+            number(given),
+            str("points per pixel, as asked (plan.coverage); ", number(measured), " were measured"),
+            measured,
+            kNone,
+            {}};
+}
+
+Decision drop_voting_losses() {
+    return {"voting losses", "off",
+            "as voting is",  kNone,
+            kNone,           {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}};
+}
+
+std::vector<Decision> drop_thickness_losses(const TrainOptions& options) {
+    const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
+    const char* const why = backbone->flat()                ? "the splats are flat"
+                            : backbone->fades_thin_splats() ? "the rasteriser fades thin splats"
+                                                            : nullptr;
+    std::vector<Decision> dropped;
+    for (const TermOnList& term : terms_on_list(options.loss))
+        if (why != nullptr && term.needs.thickness && term.weight > 0)
+            dropped.push_back({str(term.key, " loss"),
+                               "off",
+                               why,
+                               kNone,
+                               kNone,
+                               {{str("loss.", term.key, ".weight"), "0"}}});
+    return dropped;
+}
+
+std::vector<Decision> decide_training(const SceneLook& look, const TrainingInputs& inputs) {
+    return TrainingDecisions(look, inputs).all();
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,57 @@
+// Decides from the look of a scene: pure functions, which docs/guide/plan.md explains one by one.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "io/scene/scene_reader.h"
+#include "optim/loop/train.h"
+#include "plan/decision.h"
+#include "plan/look.h"
+
+namespace tvsgs {
+
+/// The rasteriser that the plan chooses where it may.
+inline constexpr const char* kDiscs = "surfel";
+
+/// Keeps photographs that do not fit into memory in a file. Empty: they fit.
+std::vector<Decision> decide_photographs(const PhotoStorage& storage);
+
+/// The settings to start from: "sparse" or "dense". The dense ones have no votes, which measured
+/// points need.
+Decision decide_settings(int train_views, bool measured_points);
+
+/// Whether and how masks are used. Empty: there are none.
+std::vector<Decision> decide_masks(const MaskLook& look);
+
+/// Whether stereo makes a cloud in place of the scene's own. `dense`: the settings that were
+/// chosen.
+Decision decide_cloud(const SceneLook& look, bool dense);
+
+/// Whether a sky is drawn behind the splats. `share`: SkyLook::share.
+Decision decide_sky(double share);
+
+/// States that the training is planned for `given` points per pixel instead of the measured ones.
+Decision decide_coverage(double measured, double given);
+
+/// Removes the losses of votes where the user has switched voting off.
+Decision drop_voting_losses();
+
+/// Removes the losses that make splats thin where the rasteriser has no use for them.
+std::vector<Decision> drop_thickness_losses(const TrainOptions& options);
+
+/// Inputs of decide_training() beside the look.
+struct TrainingInputs {
+    bool dense = false;      // the settings that were chosen
+    bool discs = false;      // kDiscs may be chosen: fast here, and the user asks for no other
+    TrainOptions options;    // as resolved so far
+    int configured = 0;      // iterations that their schedule was made for
+    int wanted = -1;         // iterations that the user asks for; below 0: none
+    bool normals = false;    // stereo has found normals, and the user asks for no other priors
+    LossOptions multi_view;  // the dense settings' losses, whose multi-view terms are taken
+};
+
+/// Decides on the training, from the look at the cloud that it starts from.
+std::vector<Decision> decide_training(const SceneLook& look, const TrainingInputs& inputs);
+
+}  // namespace tvsgs

@@ -1,0 +1,20 @@
+// A decision of the plan: plain data, which RunPlan applies.  docs/guide/plan.md
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace tvsgs {
+
+/// Keys with their new values, as text.
+using Settings = std::vector<std::pair<std::string, std::string>>;
+
+struct Decision {
+    std::string name, choice;
+    std::string reason;                  // the measured value and its threshold
+    double measured = 0, threshold = 0;  // NaN: nothing was measured
+    Settings settings;                   // of the choice
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,58 @@
+// Measures a scene before the first step: the figures that the decisions use.  docs/guide/plan.md
+#pragma once
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "optim/photo/sky.h"
+#include "optim/views/matchable.h"
+#include "optim/views/view_pairs.h"
+
+namespace tvsgs {
+
+/// The widest angle between the optical axes of two views at which pairing them is known to help.
+inline constexpr float kWideAngleDeg = 37;
+
+struct SceneLook {
+    int train_views = 0, test_views = 0;
+    double megapixels = 0;        // of all training views
+    std::size_t points = 0;       // of the initial cloud
+    double pixels = 0;            // of a view that stereo could match, median
+    double matchable = 1;         // their share of the view, median
+    double points_per_pixel = 0;  // initial points on these pixels / pixels, median
+    double reduction = 1;         // width of the photograph's file / of the view, median
+    /// Colour of the images' borders, 0 to 255; its share of them, smallest over the views; share
+    /// of the initial points that views see on it. Share 0: the borders of the views differ.
+    int background[3] = {0, 0, 0};
+    double background_border = 0, background_points = 0;
+    bool outside = false;            // a mask leaves out a part of its photograph
+    double views_in_pairs = 0;       // share within loss.multi_view's relative limits
+    double views_in_wide_pairs = 0;  // the same, up to kWideAngleDeg for views without a pair
+    double pose_error = NAN;         // View::pose_error_px, median of the views that have one
+    /// Ratio of a view's brightness to that of its nearest view - 1, median over the points that
+    /// both see; the largest of the views. NaN: no two views share enough points.
+    double exposure_drift = 0;
+};
+
+/// Measures about 4,000 of the initial points. `masks`: only pixels inside of masks count. `sky`:
+/// its pixels cannot be matched.
+SceneLook look_at(const Scene& scene,
+                  const ViewPairOptions& limits,
+                  bool masks = false,
+                  const SkyLook& sky = {});
+
+struct MaskLook {
+    int views = 0, masked = 0;  // training views; those with a mask
+    int outside = 0;            // views whose mask leaves out pixels that the lens saw
+    std::string empty;          // the first view whose mask has no pixel of the object
+    double border = 0;          // share of an image's border outside the mask, median
+    double matched = 0;         // share of the points, where views see them, outside the masks
+};
+MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>& points);
+
+/// One line for people.
+std::string summary(const SceneLook& look);
+
+}  // namespace tvsgs
