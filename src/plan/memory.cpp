@@ -14,43 +14,43 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kShareOfFreeMemory = 0.9;  // the rest is the driver's, and of what is not counted
+constexpr double kShareOfFreeMemory = 0.9;  // the rest is for the driver and small allocations
 constexpr std::int64_t kMiB = 1 << 20;
-// Of a block beside its own splats: those of its margin. Chosen; tvsgs-blocks counts them.
+// Splats of a block's margin over its own ones. Chosen; tvsgs-blocks counts them.
 constexpr double kBlockMargin = 0.2;
 
-// Bytes of a view: of each splat its radius, place and statistics; measured, of each in view its
-// records with room to spare, and lists of tiles:
+// Bytes of a view. Each splat has radius, place and statistics; each splat in view has records and
+// entries in the lists of tiles (measured, with room to spare):
 constexpr std::int64_t kPerViewSplat = 28, kPerSplatInView = 200, kPerFragment = 100,
                        kFragmentsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
 constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
-// Votes: records, field and scratch, without the lists; what a checkpoint has of them:
+// Votes: records, field and scratch memory, without the lists; their part of a checkpoint:
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
 constexpr std::int64_t kProgram = 32 * kMiB;
 
-/// What DeviceViews makes of a mask that terms look at.
+/// Bytes of the mask that DeviceViews makes for the terms.
 std::int64_t mask_bytes(const View& view, const LossNeeds& needs) {
     const bool needed =
         std::find(needs.view_maps.begin(), needs.view_maps.end(), "mask") != needs.view_maps.end();
     return needed ? static_cast<std::int64_t>(view.mask.pixels.size() * sizeof(float)) : 0;
 }
 
-/// Beside the mask.
+/// Bytes without the mask.
 std::int64_t photo_bytes(const View& view) {
     std::size_t bytes = view.photo.pixels.size() + view.grey.pixels.size();
     for (const ViewMap& map : view.maps) bytes += map.values.size() * sizeof(float);
     return static_cast<std::int64_t>(bytes);
 }
 
-/// As DeviceViews has them.
+/// Bytes on the device, as DeviceViews holds them.
 std::int64_t device_bytes(const std::vector<View>& views, const LossNeeds& needs) {
     std::int64_t bytes = 0;
     for (const View& v : views) bytes += photo_bytes(v) + mask_bytes(v, needs);
     return bytes;
 }
 
-/// As a scene has them; what is in a file takes no memory.
+/// Bytes on the host, as a scene holds them; images in a file take none.
 std::int64_t host_bytes(const std::vector<View>& views) {
     std::int64_t bytes = 0;
     for (const View& v : views) {
@@ -62,7 +62,7 @@ std::int64_t host_bytes(const std::vector<View>& views) {
     return bytes;
 }
 
-/// Whether the photographs are more than memory is to hold.
+/// Whether the photographs are in a file.
 bool in_file(const std::vector<View>& views) {
     return !views.empty() && views.front().photo.pixels.in_file();
 }
@@ -87,7 +87,7 @@ std::int64_t fitting(const MemoryNeed& need, std::int64_t limit) {
            std::max<std::int64_t>(need.per_splat, 1);
 }
 
-/// `most`: splats that would fit.
+/// `most`: number of splats that fit.
 void require(const char* where,
              const std::string& scene,
              const MemoryNeed& need,
@@ -98,7 +98,7 @@ void require(const char* where,
     const std::string what =
         str("training would need about ", need.at(splats) / kMiB, " MiB of ", where,
             " memory for its first ", splats, " splats, and ", limit / kMiB, " MiB may be used");
-    // Where not one splat fits, no fewer of them help.
+    // If not one splat fits, blocks do not help.
     const std::string remedy =
         most == 0 ? ""
                   : str(", which hold ", most, "; ", split_command(scene, blocks_for(splats, most)),
@@ -172,7 +172,7 @@ std::string split_command(const std::string& scene, std::int64_t blocks) {
     return str("tvsgs-blocks split --scene ", scene, " --blocks ", blocks, " --out BLOCKS");
 }
 
-/// A CPU's own copies of photographs in a file would be the memory that the file saves.
+/// On a CPU, copies of the photographs would take the memory that the file saves.
 std::int64_t photo_budget(const Scene& scene, const TrainOptions& options, bool cuda) {
     return !cuda && options.photo_bytes == 0 && in_file(scene.train) ? 1 : options.photo_bytes;
 }
@@ -186,7 +186,7 @@ MemoryPlan estimate_memory(const Scene& scene,
     const bool votes = o.tv.enabled;
     const std::int64_t geometry = 4 * 11,
                        parameters = geometry + 4 * 3 * sh_count(o.model.sh_degree);
-    // A fused step wants in memory what terms give without the image alone.
+    // A fused step keeps only the gradients of terms without an image in memory.
     const std::int64_t fixed = scene.fixed_splats ? scene.fixed_splats->size() : 0;
     const bool compact = make_backbone<Cpu>(o.backbone, o.render)->traits.fuses,
                fuses = compact && fixed == 0;
@@ -196,11 +196,11 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryPlan plan;
     plan.first = splats;
     MemoryNeed& buffers = plan.buffers;
-    // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
+    // Values, two moments and gradients. Growth needs room for another copy, and growing buffers
     // have a quarter to spare.
     const std::int64_t drawn = renders * view_bytes_per_splat(compact ? share_in_view(scene) : 1);
     buffers.per_splat = 3 * parameters + gradients + drawn;
-    // Beside fixed splats: values and gradients of all that is drawn, once more.
+    // With fixed splats, values and gradients of all drawn splats are kept once more.
     if (fixed > 0) buffers.per_splat += 2 * parameters;
     if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
     if (votes) buffers.per_splat += kPerVoter + (o.tv.lists == ListStorage::full ? 8 : 2) * o.tv.k;
@@ -210,17 +210,17 @@ MemoryPlan estimate_memory(const Scene& scene,
     const std::int64_t photos = device_bytes(scene.train, needs),
                        hold = photo_budget(scene, o, cuda);
     const bool all = hold == 0 || photos <= hold;
-    // By terms; photographs and maps of one view.
+    // Bytes cached by losses; largest view with photographs and maps.
     std::int64_t kept = 0, most = 0;
     for (const View& v : scene.train) {
         kept += std::int64_t{4} * needs.kept_per_pixel * v.camera.width_px * v.camera.height_px;
         most = std::max(most, photo_bytes(v) + mask_bytes(v, needs));
     }
-    // Else those of a few, grey ones beside the colours.
+    // All photographs, or a few with their grey images.
     buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
                     per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn);
 
-    // A checkpoint is held until the next one is, and both meanwhile.
+    // Two checkpoints are in memory while the next one is made.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
     plan.host.per_splat = 2 * state + parameters;
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + 2 * kept +

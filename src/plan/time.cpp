@@ -11,10 +11,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kTrial = 40, kWarmUp = 3, kFewest = 8;  // steps; fewer are a matter of luck
-constexpr double kSeconds = 5, kPatience = 20;        // of the trial; while there are fewer
-constexpr double kLow = 0.6, kHigh = 1.5;             // of the mean: other programs, other views
-constexpr double kUnseen = 2;  // later phases may take that many times as long
+constexpr int kTrial = 40, kWarmUp = 3, kFewest = 8;  // steps; fewer measure noise
+constexpr double kSeconds = 5, kPatience = 20;        // of the trial; with fewer than kFewest
+constexpr double kLow = 0.6, kHigh = 1.5;             // x mean, for other programs and views
+constexpr double kUnseen = 2;                         // x, for later phases that take longer
 
 template <class Device>
 std::vector<double> step_ends(const Scene& scene, const TrainOptions& options) {

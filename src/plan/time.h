@@ -1,4 +1,4 @@
-// How long a training will take, before its first step, by a short one of the same scene.
+// Estimates the time of a training before its first step, from a short one of the same scene.
 #pragma once
 
 #include <string>
@@ -10,19 +10,19 @@
 namespace tvsgs {
 
 struct TimePlan {
-    double low = 0, high = 0;  // seconds of training; evaluations and stereo are beside them
-    int steps = 0, of = 0;     // iterations timed, of those that have every phase in them
-    double each = 0;           // seconds of one, mean
-    int iterations = 0;        // that the training makes
+    double low = 0, high = 0;  // seconds of training, without evaluations and stereo
+    int steps = 0, of = 0;     // timed iterations; iterations until all phases have begun
+    double each = 0;           // seconds per iteration, mean
+    int iterations = 0;        // of the training
     bool grows = false;
 
-    /// A line for people, with what it rests on.
+    /// A line for people, with its basis.
     std::string text() const;
 };
 
-/// Trains on `scene` for a moment, 40 steps with the schedule squeezed into them and 5 s
-/// at most, 20 s where they are slow, and keeps nothing. High leaves room for phases that were not
-/// reached. Throws what train() throws.
+/// Trains on `scene` for 40 steps, with the schedule fitted into them, and keeps nothing. Takes at
+/// most 5 s, or 20 s if steps are slow. `high` leaves room for phases that the trial did not reach.
+/// Throws as train() does.
 TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOptions& options);
 
 }  // namespace tvsgs
