@@ -130,7 +130,9 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
         ->group(group);
     CLI::Option* quiet =
         app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
-    app.add_flag("--verbose", verbose, "more detail")->group(group)->excludes(quiet);
+    app.add_flag("-v,--verbose", verbose, "the plan's reasons and other details")
+        ->group(group)
+        ->excludes(quiet);
     app.add_flag("--profile", arguments.session.profile,
                  "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
         ->group(group);

@@ -5,11 +5,13 @@
 #include "apps/common/command_line.h"
 #include "apps/train/arguments.h"
 #include "core/device/device_choice.h"
+#include "core/grouped.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "pipeline/scene/initial_points.h"
 #include "pipeline/scene/planned_scene.h"
 #include "pipeline/scene/sky.h"
+#include "plan/figures.h"
 #include "plan/time.h"
 #include "report/data.h"
 
@@ -39,23 +41,29 @@ std::string plan_json(const RunPlan& plan, const TrainArguments& arguments) {
                                                                               : "";
 }
 
-void log_training(const Resolved& run, const DeviceChoice& device, const MemoryPlan& memory) {
+/// The scene, the machine and the plan, in two lines.
+void log_start(const Resolved& run, const DeviceChoice& device, const MemoryPlan& memory) {
     const Scene& scene = run.scene;
     const Camera& camera = scene.train.front().camera;
-    spdlog::info(
-        "{}: {} training and {} test views of {}x{}, {} initial points, extent {:.4g}, on {}",
-        scene.path, scene.train.size(), scene.test.size(), camera.width_px, camera.height_px,
-        scene.points.positions.size(), static_cast<double>(scene.extent), device.description);
-    spdlog::info(memory.text());
+    spdlog::info("{}: {} training and {} test photographs, {}x{}; {} start points. {}, needs {}.",
+                 scene.path, scene.train.size(), scene.test.size(), camera.width_px,
+                 camera.height_px, grouped(scene.points.positions.size()),
+                 device.cuda ? device.description : "CPU",
+                 bytes_text(static_cast<double>(memory.first_bytes())));
+    if (!run.plan.empty()) spdlog::info("Plan: {}. Why: --plan", run.plan.brief());
+    spdlog::debug("Memory: {}; extent of the scene {:.4g}", memory.text(),
+                  static_cast<double>(scene.extent));
 }
 
-/// A failure is a warning: the results are written.
-void report_if_possible(const std::string& run, const Scene& scene) {
+/// Returns false after a failure, which is a warning: the splats are written.
+bool report_if_possible(const std::string& run, const Scene& scene) {
     try {
         write_report(run, scene);
-        spdlog::info("{}/report.html: report", run);
+        return true;
     } catch (const Error& error) {
-        spdlog::warn("{}; there is no report (tvsgs-eval report --run {})", error.what(), run);
+        spdlog::warn("{}; there is no report. Try again: tvsgs-eval report --run {}", error.what(),
+                     run);
+        return false;
     }
 }
 
@@ -66,18 +74,18 @@ void print_plan(const Resolved& run, const DeviceChoice& device) {
     std::fflush(stdout);
     if (needs_stereo(run.options, scene)) {
         std::fputs(
-            "memory and time: not known before stereo has made its cloud; tvsgs-init --out "
-            "CLOUD.ply makes it, --init-ply CLOUD.ply --plan goes by it\n",
+            "memory and time: not known before stereo has made the start points. Make them with "
+            "tvsgs-init --out CLOUD.ply, then plan with --init-ply CLOUD.ply\n",
             stdout);
         return;
     }
     TrainOptions training = run.options.train;
     const auto splats = static_cast<std::int64_t>(scene.points.positions.size());
     const MemoryPlan memory = plan_memory(scene, run.options.memory, splats, device.cuda, training);
-    std::printf("%s\n", memory.text().c_str());
+    std::printf("memory: %s\n", memory.text().c_str());
     std::fflush(stdout);
     try {
-        std::printf("%s\n", plan_time(device, scene, training).text().c_str());
+        std::printf("time: %s\n", plan_time(device, scene, training).text().c_str());
     } catch (const Error& error) {
         std::printf("time: not measured: %s\n", error.what());
     }
@@ -126,9 +134,10 @@ int train_command(int argc, char* const* argv) {
     write_sky(run.path(), training.loss.photometric);
     log_resume(resume, changed, run);
     run.save_cameras(resolved.scene);
-    log_training(resolved, device, memory);
+    log_start(resolved, device, memory);
 
     // 4. The training. It gets the checkpoint's state for itself, to free it early.
+    bool has_report = false;
     const SessionInputs session{
         .scene = resolved.scene,
         .training = training,
@@ -137,10 +146,10 @@ int train_command(int argc, char* const* argv) {
         .resume = resume,
         .truth = truth,
         .info = info,
-        .write_report = [&] { report_if_possible(run.path(), resolved.scene); }};
+        .write_report = [&] { has_report = report_if_possible(run.path(), resolved.scene); }};
     run_session(device, session, resume.point ? std::move(resume.point->state) : nullptr, run);
-    spdlog::info("{}: splats", find_splats(run.path()));
-    say_next({"tvsgs-extract-mesh", "--model", run.path()}, "makes the surface");
+    spdlog::info("Wrote {}: {}point_cloud.ply", run.path(), has_report ? "report.html, " : "");
+    say_next({"tvsgs-extract-mesh", run.path()}, "make the mesh");
     return 0;
 }
 

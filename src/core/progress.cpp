@@ -24,18 +24,6 @@ void go_up(int lines) {
     std::fputc('\r', stderr);
 }
 
-/// 65 -> "1:05".
-std::string clock_text(double seconds) {
-    const auto total = static_cast<long>(std::lround(std::min(seconds, 1e9)));
-    char text[48];
-    if (total >= 3600)
-        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
-                      total % 60);
-    else
-        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
-    return text;
-}
-
 }  // namespace
 
 void set_progress_style(ProgressStyle chosen) {
@@ -92,6 +80,17 @@ double Pace::left(double total) const {
                  done = seen_.back().done - seen_.front().done;
     if (!(seconds >= kBasis) || !(done > 0)) return NAN;
     return std::max(0.0, total - seen_.back().done) * seconds / done;
+}
+
+std::string clock_text(double seconds) {
+    const auto total = static_cast<long>(std::lround(std::min(seconds, 1e9)));
+    char text[48];
+    if (total >= 3600)
+        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
+                      total % 60);
+    else
+        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
+    return text;
 }
 
 std::string progress_text(

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "mesh/fuse/focus.h"
+#include "plan/figures.h"
 
 namespace tvsgs {
 
@@ -31,13 +32,11 @@ Decision decide_background(double share_beyond, bool masked) {
     constexpr double kMuch = 0.05;
     const bool meshed = share_beyond >= kMuch;
     return {"mesh bounds",
-            meshed ? "none" : "depth limit",
+            meshed ? "unbounded" : "twice the object's distance",
             std::isnan(share_beyond)
-                ? "not known how far the points lie"
-                : str(masked ? "points inside of the masks, by which the mesh goes, " : "points ",
-                      "beyond twice the distance of what the cameras look at: ",
-                      std::round(1e3 * share_beyond) / 10, meshed ? " % >= " : " % < ", 100 * kMuch,
-                      " %"),
+                ? std::string("the distance of the points is not known")
+                : str(percent(share_beyond), " of the points", masked ? " inside the masks" : "",
+                      " lie farther, unbounded from ", percent(kMuch), " on"),
             share_beyond,
             kMuch,
             {{"mesh.unbounded", meshed ? "true" : "false"}}};

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "optim/loop/schedule.h"
 #include "plan/figures.h"
 
@@ -55,14 +56,6 @@ int between(int bare, int covered, double share) {
     return static_cast<int>(std::lround(between(1.0 * bare, 1.0 * covered, share)));
 }
 
-/// "12 < 25".
-std::string compared(double measured, double threshold, const char* unit = "") {
-    return std::isnan(measured)
-               ? str("not known")
-               : str(number(measured), unit,
-                     measured < threshold ? " < " : " >= ", number(threshold), unit);
-}
-
 /// The keys of the schedule that change when it is fitted to other iterations.
 Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitted) {
     std::vector<int> before;
@@ -79,15 +72,16 @@ Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitt
 
 Decision decide_poses(const SceneLook& look, const CameraOptions& options) {
     const bool off = look.pose_error >= kPoseError;
-    Decision decision{"poses",
-                      off ? "refined" : "as given",
-                      "no observations of points to measure them by",
+    Decision decision{"cameras",
+                      off ? "refined" : "kept",
+                      "no observations of points to measure them",
                       look.pose_error,
                       kPoseError,
-                      {{"cameras.refine", off ? "true" : "false"}}};
+                      {{"cameras.refine", off ? "true" : "false"}},
+                      off ? "cameras refined" : "cameras kept"};
     if (std::isnan(look.pose_error)) return decision;
-    decision.reason =
-        str("off by what their points say, ", compared(look.pose_error, kPoseError, " px"));
+    decision.reason = str("reprojection error ", short_figure(look.pose_error),
+                          " px, refined from ", kPoseError, " px on");
     if (off || !options.refine) return decision;
     // The user refines poses whose points fit well: they hold a pose better than photographs do.
     const double loose = (look.pose_error - kPoseExact) / (kPoseError - kPoseExact);
@@ -100,14 +94,15 @@ Decision decide_poses(const SceneLook& look, const CameraOptions& options) {
 Decision decide_exposure(const SceneLook& look) {
     const bool drifts = look.exposure_drift >= kDrift;
     return {"exposure",
-            drifts ? "fitted" : "off",
+            drifts ? "fitted" : "no correction",
             std::isnan(look.exposure_drift)
-                ? "no two views near each other share enough points"
-                : str("brightness of a view where another sees the same, off by ",
-                      compared(100 * look.exposure_drift, 100 * kDrift, " %")),
+                ? "no two photographs near each other share enough points"
+                : str("brightness differs by ", percent(look.exposure_drift),
+                      " between photographs, fitted from ", percent(kDrift), " on"),
             look.exposure_drift,
             kDrift,
-            {{"loss.photometric.exposure", drifts ? "true" : "false"}}};
+            {{"loss.photometric.exposure", drifts ? "true" : "false"}},
+            drifts ? "exposure fitted" : ""};
 }
 
 /// The decisions of one training, in the order of RUN/plan.json.
@@ -140,16 +135,11 @@ public:
 private:
     /// Adds a decision that depends on the coverage.
     void by_cloud(const char* name, const std::string& choice, Settings settings) {
-        const std::string against =
-            covered_ > 0 && covered_ < 1
-                ? str(number(points_), ", by degrees from ", kSparseCloud, " to ", kCoveringCloud)
-                : compared(points_, covered_ > 0 ? kCoveringCloud : kSparseCloud);
-        plan_.push_back({name, choice, str("points per pixel: ", against), points_, kSparseCloud,
-                         std::move(settings)});
+        plan_.push_back(
+            {name, choice, coverage_text(points_), points_, kSparseCloud, std::move(settings)});
     }
-    void by_views(int many, const std::string& slope) {
-        plan_.back().reason +=
-            str("; training views: ", compared(look_.train_views, many), ", ", slope);
+    void by_views(const std::string& slope) {
+        plan_.back().reason += str("; ", look_.train_views, " photographs: ", slope);
     }
 
     void schedule() {
@@ -164,26 +154,29 @@ private:
         const Settings schedule = schedule_settings(in_.options, fitted);
         const std::string count = std::to_string(iterations_);
         if (in_.wanted >= 0)
-            plan_.push_back(
-                {"iterations", count, "as asked; the schedule fits them", kNone, kNone, schedule});
+            plan_.push_back({"iterations", count, "set by the user; the schedule fits them", kNone,
+                             kNone, schedule});
         else if (in_.dense)
-            plan_.push_back({"iterations", count, "of the dense settings", kNone, kNone, schedule});
+            plan_.push_back({"iterations", count, "of the preset", kNone, kNone, schedule});
         else
             by_cloud("iterations", count, schedule);
         if (in_.wanted < 0 && covered_ > 0)
-            plan_.back().reason +=
-                str("; in full ", kIterationsPerView, " per view, ", kIterations, " at least");
+            plan_.back().reason += str("; at full coverage ", kIterationsPerView,
+                                       " per photograph, at least ", grouped(kIterations));
     }
 
     void growth() {
         if (in_.dense) return;
         // A user who asks for growth where the plan has none gets full growth.
         if (covered_ >= 1)
-            by_cloud("densify", "off", {{"densify.enabled", "false"}});
+            by_cloud("new splats", "none needed", {{"densify.enabled", "false"}});
         else
-            by_cloud("densify",
-                     covered_ > 0 ? str("in gaps, less by ", number(100 * covered_), " %") : "on",
+            by_cloud("new splats",
+                     covered_ > 0 ? str("in gaps, ", percent(covered_), " fewer") : "yes",
                      {{"densify.enabled", "true"}, {"densify.spare_covered", rounded(covered_)}});
+        plan_.back().brief = covered_ >= 1  ? "no new splats"
+                             : covered_ > 0 ? "new splats in gaps"
+                                            : "new splats";
     }
 
     void rasteriser() {
@@ -191,7 +184,8 @@ private:
         // Files keep three scales, for the viewers of 3DGS.
         plan_.push_back({"rasteriser",
                          "discs",
-                         str("points per pixel: ", compared(points_, kCloudForDiscs)),
+                         str(short_figure(points_), " start points per textured pixel, ",
+                             kCloudForDiscs, " needed"),
                          points_,
                          kCloudForDiscs,
                          {{"backbone", kDiscs}, {"output.ply_scales", "three"}}});
@@ -199,7 +193,7 @@ private:
 
     void normals() {
         const std::string start = std::to_string(between(normal_start_, 1, covered_));
-        by_cloud("normal loss", str("from ", start), {{"loss.normal.start", start}});
+        by_cloud("normal loss", str("from iteration ", start), {{"loss.normal.start", start}});
         if (!in_.normals || look_.train_views >= kManyViews) return;
         const double few = static_cast<double>(kManyViews - look_.train_views) /
                            static_cast<double>(kManyViews - kFewViews);
@@ -207,7 +201,7 @@ private:
         by_cloud("prior normals", str("weight ", weight),
                  // Priors that lie beside a scene were not measured.
                  {{"loss.prior_normal.weight", weight}, {"priors.source", "stereo"}});
-        by_views(kManyViews, str(kFewViews, " or fewer: in full"));
+        by_views(str("full weight up to ", kFewViews, ", none from ", kManyViews, " on"));
     }
 
     /// A larger splat lies in a gap of the cloud, at a depth that nothing has measured.
@@ -216,7 +210,8 @@ private:
         const int least = kMeshedScalePx << std::max(0, look_.train_views - kLeastViews);
         const std::string px = rounded(std::min(least / covered_, kLargestScalePx));
         by_cloud("meshed splats", str("up to ", px, " px"), {{"mesh.max_scale_px", px}});
-        by_views(kFewViews, str(kLeastViews, " or fewer: ", kMeshedScalePx, " in full"));
+        by_views(str(kMeshedScalePx, " px up to ", kLeastViews,
+                     ", twice that for each more, no limit from ", kFewViews, " on"));
     }
 
     /// With more views, surface that a single view sees is right more often, rough as it is.
@@ -226,9 +221,10 @@ private:
                                        0.0, 1.0);
         const double covered_px = kLeastJumpPx * std::pow(kManyJumpPx / kLeastJumpPx, many),
                      jump_px = kBareJumpPx * std::pow(covered_px / kBareJumpPx, covered_);
-        by_cloud("lone views", str("up to ", number(jump_px), " px"),
+        by_cloud("single views", str("meshed if smooth to ", short_figure(jump_px), " px"),
                  {{"mesh.lone_jump_px", rounded(jump_px)}});
-        by_views(kFewViews, str(kLeastViews, " or fewer: ", kLeastJumpPx));
+        by_views(str(kLeastJumpPx, " px up to ", kLeastViews, ", ", kManyJumpPx, " px from ",
+                     kFewViews, " on"));
     }
 
     void mesh_resolution() {
@@ -240,9 +236,9 @@ private:
             const std::string px = rounded(by.few_px + many * (by.many_px - by.few_px));
             plan_.push_back({by.decision,
                              str(px, " px"),
-                             str("megapixels of the training views: ", number(look_.megapixels),
-                                 "; ", by.few_px, " px up to ", by.few_megapixels, ", ", by.many_px,
-                                 " from ", kManyMegapixels, " on"),
+                             str(short_figure(look_.megapixels), " megapixels in all; ", by.few_px,
+                                 " px up to ", by.few_megapixels, ", ", by.many_px, " from ",
+                                 kManyMegapixels, " on"),
                              look_.megapixels,
                              by.few_megapixels,
                              {{by.key, px}}});
@@ -278,18 +274,23 @@ private:
         settings.emplace_back("loss.multi_view.limits", "relative");
         settings.emplace_back("loss.multi_view.lone_angle_deg", str(kWideAngleDeg));
         if (on && !in_.dense) settings.insert(settings.end(), starts.begin(), starts.end());
-        const std::string choice = on ? str(number(100 * strength), " %") : "off",
-                          pairs = str("views with another within ",
-                                      in_.options.loss.multi_view.max_angle_deg,
-                                      " degrees: ", number(look_.views_in_pairs),
-                                      ", with the others up to ", kWideAngleDeg, ": ",
-                                      number(look_.views_in_wide_pairs));
+        const std::string choice = on ? percent(strength) : "off",
+                          pairs =
+                              str(percent(look_.views_in_pairs),
+                                  " of the photographs have another within ",
+                                  in_.options.loss.multi_view.max_angle_deg, " degrees, ",
+                                  percent(look_.views_in_wide_pairs), " within ", kWideAngleDeg);
         if (in_.dense) {
             plan_.push_back({"multi-view", choice, pairs, look_.views_in_wide_pairs, 0, settings});
+            add_brief(on);
             return;
         }
         by_cloud("multi-view", choice, settings);
         plan_.back().reason += str("; ", pairs);
+        add_brief(on);
+    }
+    void add_brief(bool compares) {
+        if (!compares) plan_.back().brief = "photographs too far apart to compare";
     }
 
     /// Not with a sky, nor where masks leave out a part of the photographs.
@@ -303,15 +304,15 @@ private:
         const std::string color =
             one ? str(look_.background[0], ",", look_.background[1], ",", look_.background[2])
                 : "none";
-        plan_.push_back({"background",
-                         color,
-                         str("of the images' border in one colour: ",
-                             compared(look_.background_border, kBackgroundBorder),
-                             "; of the initial points there: ",
-                             compared(look_.background_points, kBackgroundPoints)),
-                         look_.background_border,
-                         kBackgroundBorder,
-                         {{"loss.photometric.background", color}}});
+        plan_.push_back(
+            {"background",
+             color,
+             str("one colour on ", percent(look_.background_border), " of the borders, ",
+                 percent(kBackgroundBorder), " needed; it has ", percent(look_.background_points),
+                 " of the start points, less than ", percent(kBackgroundPoints), " allowed"),
+             look_.background_border,
+             kBackgroundBorder,
+             {{"loss.photometric.background", color}}});
     }
 
     const SceneLook& look_;
@@ -335,39 +336,41 @@ std::vector<Decision> decide_photographs(const PhotoStorage& storage) {
 
 Decision decide_settings(int train_views, bool measured_points) {
     const bool dense = train_views >= kDenseViews && !measured_points;
-    return {"settings",
-            dense ? "dense" : "sparse",
-            measured_points ? "measured points vote, for which the dense settings have no votes"
-                            : str("training views: ", compared(train_views, kDenseViews)),
+    return {"preset",
+            dense ? kManyPhotographs : kFewPhotographs,
+            measured_points ? std::string("measured points vote, and only this preset has votes")
+                            : str(dense ? "" : "fewer than ", kDenseViews, dense ? " or more" : ""),
             static_cast<double>(train_views),
             kDenseViews,
-            {}};
+            {},
+            dense ? kManyPhotographs : kFewPhotographs};
 }
 
 std::vector<Decision> decide_masks(const MaskLook& look) {
     if (look.masked == 0) return {};
-    const std::string found = str("masks: ", look.masked, " of ", look.views, " training views");
-    const auto decision = [&](const char* choice, const std::string& reason, Settings settings) {
+    const std::string found = str(look.masked, " of ", look.views, " photographs have one");
+    const auto decision = [&](const std::string& choice, const std::string& reason,
+                              Settings settings) {
         settings.emplace_back("loss.photometric.masks", choice);
         return std::vector<Decision>{{"masks", choice, str(found, "; ", reason), look.border,
-                                      kObjectBorder, std::move(settings)}};
+                                      kObjectBorder, std::move(settings),
+                                      choice == "none" ? "masks not used" : "masks used"}};
     };
     if (look.outside == 0)
-        return decision("ignore", "they leave out only what the lenses did not see", {});
+        return decision("ignore", "they leave out only pixels that the lens did not see", {});
     if (!look.empty.empty())
-        return decision("none", str("that of ", look.empty, " has no pixel of the object"), {});
+        return decision("none", str("the mask of ", look.empty, " has no pixel of the object"), {});
     // Points outside have a place, which keeps the surroundings apart from the object.
+    const std::string outside = str(percent(look.matched), " of the start points are outside");
     if (look.matched >= kMatchedOutside)
-        return decision(
-            "none", str("of the initial points outside: ", compared(look.matched, kMatchedOutside)),
-            {});
-    const std::string border =
-        str("of the initial points outside: ", compared(look.matched, kMatchedOutside),
-            "; of the images' border outside: ", compared(look.border, kObjectBorder));
-    if (look.border < kObjectBorder) return decision("ignore", border, {});
+        return decision("none", str(outside, ", less than ", percent(kMatchedOutside), " allowed"),
+                        {});
+    const std::string border = str(outside, " and ", percent(look.border), " of the borders");
+    if (look.border < kObjectBorder)
+        return decision("ignore", str(border, ", ", percent(kObjectBorder), " for an object"), {});
     const double full = std::min(1.0, (look.border - kObjectBorder) / kObjectSlope);
     return decision(
-        "object", str(border, "; in full from ", number(kObjectBorder + kObjectSlope)),
+        "object", str(border, ", full weight from ", percent(kObjectBorder + kObjectSlope), " on"),
         {{"loss.photometric.coverage", number(std::round(100 * full) / 100 * kCoverage)}});
 }
 
@@ -375,30 +378,33 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
     if (dense) {
         const int least = InitOptions{}.min_points;
         const auto points = static_cast<double>(look.points);
-        return {"initial cloud",
+        return {"start points",
                 points < least ? "stereo" : "the model's",
-                str("points: ", compared(points, least)),
+                str(grouped(look.points), " points, ", grouped(least), " needed"),
                 points,
                 1.0 * least,
-                {{"init.min_points", std::to_string(least)}}};
+                {{"init.min_points", std::to_string(least)}},
+                points < least ? "start points by stereo" : ""};
     }
     const bool covers = look.points_per_pixel >= kModelCovers;
     // As many points as cover the views, in proportion to the points that views see.
     const double wanted = look.points_per_pixel > 0 ? kModelCovers / look.points_per_pixel *
                                                           static_cast<double>(look.points)
                                                     : kModelCovers * look.pixels;
-    std::string reason = str("points per pixel: ", compared(look.points_per_pixel, kModelCovers));
+    std::string reason = str("the model has ", short_figure(look.points_per_pixel),
+                             " per textured pixel, ", kModelCovers, " needed");
     // A trial at a small size must not promise the plan of the full size.
     if (const double full = look.points_per_pixel / (look.reduction * look.reduction);
         covers != (full >= kModelCovers))
-        reason += str("; at the photographs' own size ", compared(full, kModelCovers),
-                      ", and the plan another");
-    return {"initial cloud",
+        reason += str("; at the photographs' full size ", short_figure(full),
+                      ": the plan may be another");
+    return {"start points",
             covers ? "the model's" : "stereo",
             reason,
             look.points_per_pixel,
             kModelCovers,
-            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};
+            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}},
+            covers ? "" : "start points by stereo"};
 }
 
 Decision decide_sky(double share) {
@@ -407,18 +413,22 @@ Decision decide_sky(double share) {
     if (on) settings.emplace_back("loss.photometric.background", "sky");
     return {"sky",
             on ? "behind the splats" : "none",
-            std::isnan(share) ? "no two views stand apart and look the same way"
-                              : str("pixels that another view sees alike in the same direction: ",
-                                    compared(100 * share, 100 * kSky, " %")),
+            std::isnan(share) ? "no two photographs stand apart and look the same way"
+                              : str(percent(share),
+                                    " of the textured pixels look alike in the "
+                                    "same direction, a sky from ",
+                                    percent(kSky), " on"),
             share,
             kSky,
-            settings};
+            settings,
+            on ? "sky behind the splats" : ""};
 }
 
 Decision decide_coverage(double measured, double given) {
     return {"coverage",
             number(given),
-            str("points per pixel, as asked (plan.coverage); ", number(measured), " were measured"),
+            str("start points per textured pixel from plan.coverage; measured ",
+                short_figure(measured)),
             measured,
             kNone,
             {}};
@@ -426,7 +436,7 @@ Decision decide_coverage(double measured, double given) {
 
 Decision drop_voting_losses() {
     return {"voting losses", "off",
-            "as voting is",  kNone,
+            "voting is off", kNone,
             kNone,           {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}};
 }
 

@@ -14,10 +14,14 @@ namespace tvsgs {
 /// The rasteriser that the plan chooses where it may.
 inline constexpr const char* kDiscs = "surfel";
 
+/// The choices of decide_settings().
+inline constexpr const char *kFewPhotographs = "few photographs",
+                            *kManyPhotographs = "many photographs";
+
 /// Keeps photographs that do not fit into memory in a file. Empty: they fit.
 std::vector<Decision> decide_photographs(const PhotoStorage& storage);
 
-/// The settings to start from: "sparse" or "dense". The dense ones have no votes, which measured
+/// The preset: the settings to start from. That of many photographs has no votes, which measured
 /// points need.
 Decision decide_settings(int train_views, bool measured_points);
 

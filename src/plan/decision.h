@@ -12,9 +12,10 @@ using Settings = std::vector<std::pair<std::string, std::string>>;
 
 struct Decision {
     std::string name, choice;
-    std::string reason;                  // the measured value and its threshold
+    std::string reason;  // measured value and threshold; parts are separated by "; "
     double measured = 0, threshold = 0;  // NaN: nothing was measured
     Settings settings;                   // of the choice
+    std::string brief{};                 // the choice in the one line of the plan; empty: left out
 };
 
 }  // namespace tvsgs

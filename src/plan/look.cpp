@@ -237,10 +237,13 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
     return look;
 }
 
-std::string summary(const SceneLook& look) {
-    return str(look.train_views, " train, ", look.test_views, " test; ", look.points,
-               " initial points, ", number(look.points_per_pixel), " per pixel of the ",
-               number(100 * look.matchable), " % that could be matched");
+std::string coverage_text(double points_per_pixel) {
+    const double covered = covered_share(points_per_pixel);
+    return str(short_figure(points_per_pixel), " start points per textured pixel: ",
+               covered >= 1  ? std::string("enough")
+               : covered > 0 ? str(percent(covered), " of the way from ", kSparseCloud, " to the ",
+                                   kCoveringCloud, " that cover the scene")
+                             : str("too few (", kSparseCloud, " or more help)"));
 }
 
 }  // namespace tvsgs

@@ -52,7 +52,7 @@ struct MaskLook {
 };
 MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>& points);
 
-/// One line for people.
-std::string summary(const SceneLook& look);
+/// "0.67 start points per textured pixel: enough", against kSparseCloud and kCoveringCloud.
+std::string coverage_text(double points_per_pixel);
 
 }  // namespace tvsgs

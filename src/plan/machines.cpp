@@ -4,20 +4,13 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "plan/figures.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kGrowth = 5;  // final splats per first one; chosen, not measured
-
-std::string splats_text(std::int64_t count) {
-    return count < 1000000 ? std::to_string(count)
-                           : number(static_cast<double>(count) / 1e6) + " M";
-}
-double gigabytes(std::int64_t bytes) {
-    return static_cast<double>(bytes) / 1e9;
-}
 
 /// A way to hold a training in memory.
 struct Level {
@@ -51,7 +44,7 @@ std::vector<Level> levels_of(const Scene& scene,
         level.needs = estimate_memory(scene, o, in.first, in.cuda);
         levels.push_back(std::move(level));
     };
-    if (!(streams && crowded)) add(in.cuda ? "one GPU" : "one CPU", false, false);
+    if (!(streams && crowded)) add(in.cuda ? "GPU" : "CPU", false, false);
     if (streams) add("photographs on the host", true, false);
     if (compacts && !(streams && crowded)) add("compact lists", false, true);
     if (streams && compacts) add("compact lists, photographs on the host", true, true);
@@ -64,11 +57,11 @@ ExpectedSplats expected_splats(const Scene& scene,
                                const TrainOptions& options,
                                std::int64_t first,
                                bool capped) {
-    if (!grows(options)) return {first, "the first ones, as none are added"};
+    if (!grows(options)) return {first, "no new ones"};
     const std::int64_t cap = std::max(first, growth_cap(scene, options.densify));
-    if (capped) return {cap, "densify.max_gaussians, or what growth may reach"};
-    if (cap <= kGrowth * first) return {cap, "the most that growth may reach"};
-    return {kGrowth * first, str(kGrowth, " times the first ones, a guess")};
+    if (capped) return {cap, "densify.max_gaussians, or the limit of growth"};
+    if (cap <= kGrowth * first) return {cap, "the limit of growth"};
+    return {kGrowth * first, str(kGrowth, " times the start points, a guess")};
 }
 
 Decision decide_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in) {
@@ -95,26 +88,32 @@ Decision decide_machines(const Scene& scene, const TrainOptions& options, const 
         return of_device ? level.needs.buffers : level.needs.host;
     };
     const std::int64_t limit = of_device ? in.limits.device : in.limits.host;
-    const double measured = gigabytes(need(levels.front()).at(splats)),
-                 threshold = gigabytes(limit);
+    const auto bytes = [&](const Level& level) {
+        return static_cast<double>(need(level).at(splats));
+    };
     std::string reason =
-        str(of_device ? "GPU" : "host", " memory for ", splats_text(splats), " splats (",
-            in.expected.source, ") of ", need(levels.front()).per_splat, " B: ", number(measured),
-            measured <= threshold ? " <= " : " > ", number(threshold), " GB");
-    if (&*taken != &levels.front())
-        reason += str("; so ", number(gigabytes(need(*taken).at(splats))), " GB");
+        str(bytes_text(bytes(levels.front())), " of ", bytes_text(static_cast<double>(limit)),
+            of_device ? " GPU memory for " : " host memory for ", grouped(splats), " splats (",
+            in.expected.source, ")");
+    if (&*taken != &levels.front()) reason += str("; ", bytes_text(bytes(*taken)), " this way");
     std::string choice = taken->choice;
     if (!fits) {
         const std::int64_t most = fitting(taken->needs, in.limits);
         if (most < in.first) choice = most == 0 ? "none" : "blocks";
         if (most == 0)
-            reason += "; the images alone do not fit: smaller ones (-r)";
+            reason += "; the photographs alone do not fit: make them smaller (-r)";
         else
             reason +=
-                str("; ", splats_text(most), " fit", most < in.first ? "" : ", where growth stops",
-                    "; all: ", split_command(scene.path, blocks_for(splats, most)));
+                str("; ", grouped(most), " fit", most < in.first ? "" : ", where growth stops",
+                    "; all in blocks: ", split_command(scene.path, blocks_for(splats, most)));
     }
-    return {"machines", choice, reason, measured, threshold, taken->settings};
+    return {"machines",
+            choice,
+            reason,
+            bytes(levels.front()) / 1e9,
+            static_cast<double>(limit) / 1e9,
+            taken->settings,
+            &*taken == &levels.front() && fits ? "" : choice};
 }
 
 }  // namespace tvsgs

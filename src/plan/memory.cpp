@@ -5,11 +5,13 @@
 
 #include "core/device/buffer.h"
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
 #include "io/files/json_value.h"
 #include "mesh/fuse/device_algorithms.h"
 #include "optim/views/device_views.h"
+#include "plan/figures.h"
 
 namespace tvsgs {
 namespace {
@@ -95,14 +97,14 @@ void require(const char* where,
              std::int64_t limit,
              std::int64_t most) {
     if (need.at(splats) <= limit) return;
-    const std::string what =
-        str("training would need about ", need.at(splats) / kMiB, " MiB of ", where,
-            " memory for its first ", splats, " splats, and ", limit / kMiB, " MiB may be used");
+    const std::string what = str("training needs about ", grouped(need.at(splats) / kMiB),
+                                 " MiB of ", where, " memory for its first ", grouped(splats),
+                                 " splats, and ", grouped(limit / kMiB), " MiB may be used");
     // If not one splat fits, blocks do not help.
     const std::string remedy =
         most == 0 ? ""
-                  : str(", which hold ", most, "; ", split_command(scene, blocks_for(splats, most)),
-                        " makes parts that fit");
+                  : str(", enough for ", grouped(most),
+                        "; make blocks that fit: ", split_command(scene, blocks_for(splats, most)));
     throw out_of_memory(what + remedy);
 }
 
@@ -194,7 +196,7 @@ MemoryPlan estimate_memory(const Scene& scene,
     const std::int64_t renders = 1 + needs.rendered_views;
 
     MemoryPlan plan;
-    plan.first = splats;
+    plan.first = splats, plan.grows = grows(o), plan.cuda = cuda;
     MemoryNeed& buffers = plan.buffers;
     // Values, two moments and gradients. Growth needs room for another copy, and growing buffers
     // have a quarter to spare.
@@ -261,11 +263,14 @@ MemoryPlan plan_memory(const Scene& scene,
 }
 
 std::string MemoryPlan::text() const {
-    const std::int64_t bytes = std::max(buffers.at(first), std::int64_t{1});
-    return str("memory: about ", bytes / kMiB, " MiB for ", first, " splats and ",
-               buffers.per_splat, " bytes for each more; ", limits.device / kMiB,
-               " MiB may be used, and growth stops at ", most, " splats; on the host ",
-               host.at(first) / kMiB, " of ", limits.host / kMiB, " MiB");
+    const auto needed = [](std::int64_t bytes, std::int64_t limit) {
+        return str(bytes_text(static_cast<double>(bytes)), " of ",
+                   bytes_text(static_cast<double>(limit)));
+    };
+    std::string text = needed(first_bytes(), cuda ? limits.device : limits.host);
+    if (cuda) text += str(" on the GPU, ", needed(host.at(first), limits.host), " on the host");
+    text += str(" for ", grouped(first), " splats");
+    return grows ? str(text, "; growth stops at ", grouped(most)) : text;
 }
 
 std::string MemoryPlan::json() const {

@@ -44,9 +44,13 @@ struct MemoryPlan {
     MemoryLimits limits;
     std::int64_t first = 0;  // splats at the start
     std::int64_t most = 0;   // growth stops at this number of splats
+    bool grows = false;
+    bool cuda = false;
 
-    /// One line for people.
+    /// "63 MB of 21.1 GB for 4,385 splats", for people.
     std::string text() const;
+    /// Bytes for the first splats, of the device that trains.
+    std::int64_t first_bytes() const { return (cuda ? buffers : host).at(first); }
     /// RUN/memory.json
     std::string json() const;
 };

@@ -1,8 +1,10 @@
 #include "plan/settings.h"
 
 #include <algorithm>
+#include <set>
 
 #include "core/error.h"
+#include "core/grouped.h"
 
 namespace tvsgs {
 namespace {
@@ -13,6 +15,18 @@ std::string keys_of(const Settings& settings) {
     for (std::size_t i = 0; i < std::min<std::size_t>(settings.size(), 3); ++i)
         keys += str(keys.empty() ? "" : ", ", settings[i].first);
     return settings.size() > 3 ? keys + ", ..." : keys;
+}
+
+/// The parts of a reason that no line before has said.
+std::string without_said(const std::string& reason, std::set<std::string>& said) {
+    std::string left;
+    for (std::size_t begin = 0; begin <= reason.size();) {
+        const std::size_t end = std::min(reason.find("; ", begin), reason.size());
+        const std::string part = reason.substr(begin, end - begin);
+        if (said.insert(part).second) left += str(left.empty() ? "" : "; ", part);
+        begin = end + 2;
+    }
+    return left;
 }
 
 }  // namespace
@@ -52,15 +66,31 @@ std::string RunPlan::text() const {
         return word + "  ";
     };
     std::string out;
-    if (look_) out = padded("views", name) + padded("", choice) + summary(*look_) + "\n";
+    std::set<std::string> said;
+    if (look_) {
+        const std::string coverage = coverage_text(look_->points_per_pixel);
+        out = str(padded("scene", name), look_->train_views, " training and ", look_->test_views,
+                  " test photographs; ", grouped(look_->points), " start points\n",
+                  padded("coverage", name), coverage, "; decides where no reason is given\n");
+        said.insert(coverage);
+    }
     for (const Line& line : lines_) {
         const Decision& d = line.decision;
-        out += padded(d.name, name) + padded(d.choice, choice) + d.reason;
+        out += padded(d.name, name) + padded(d.choice, choice) + without_said(d.reason, said);
         if (!d.settings.empty()) out += str("  (", keys_of(d.settings), ")");
         for (const auto& [key, kept] : line.kept) out += str("  [", key, " stays ", kept, "]");
         out += "\n";
     }
     return remark_.empty() ? out : out + remark_ + "\n";
+}
+
+std::string RunPlan::brief() const {
+    std::string out;
+    for (const Line& line : lines_)
+        if (const Decision& d = line.decision;
+            !d.brief.empty() && (line.kept.empty() || !d.settings.empty()))
+            out += str(out.empty() ? "" : "; ", d.brief);
+    return out;
 }
 
 std::string RunPlan::json() const {

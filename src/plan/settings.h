@@ -52,8 +52,10 @@ public:
     /// Adds a last line.
     void remark(const std::string& text) { remark_ = text; }
 
-    /// A line per decision, for --plan.
+    /// A line per decision, for --plan. A reason that several decisions share is stated once.
     std::string text() const;
+    /// "few photographs; masks used; no new splats; cameras kept".
+    std::string brief() const;
     /// RUN/plan.json
     std::string json() const;
     bool empty() const { return lines_.empty(); }

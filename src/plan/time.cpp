@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/grouped.h"
 #include "core/progress.h"
 #include "optim/loop/schedule.h"
 
@@ -43,14 +44,14 @@ std::string duration(double seconds) {
 
 std::string TimePlan::text() const {
     if (steps == 0)
-        return "time: not known: no two iterations ended while it was tried; a training says it on "
-               "its way";
-    return str("time: about ", duration(low), " to ", duration(high), " for ", iterations,
-               " iterations, by ", steps, " that took ", std::round(1e4 * each) / 10,
-               " ms each on this machine now, ",
-               steps >= of ? "with every phase of the schedule in them"
-                           : "before later phases of the schedule, which may be slower",
-               grows ? "; longer as splats grow" : "");
+        return "not known: fewer than two iterations ended in the trial; the progress of a "
+               "training "
+               "shows it";
+    return str(
+        "about ", duration(low), " to ", duration(high), " for ", grouped(iterations),
+        " iterations; ", steps, " took ", std::round(1e4 * each) / 10, " ms each just now, ",
+        steps >= of ? "in all phases of the schedule" : "before later phases, which may be slower",
+        grows ? "; longer as splats are added" : "");
 }
 
 TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOptions& options) {

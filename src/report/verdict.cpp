@@ -14,13 +14,12 @@
 namespace tvsgs {
 namespace {
 
-// Thresholds of the levels: conventions, which the page shows beside the level.
-constexpr double kGoodPsnr = 27, kFairPsnr = 20;  // dB, on test views
-constexpr double kGoodF1 = 0.8, kFairF1 = 0.5;    // at the middle threshold
-constexpr double kMuchLone = 0.25;  // share of the visible surface that a single view sees
-constexpr double kFewShared = 0.2;  // share of a view that its best partner sees
-constexpr double kWideGapDeg = 30;  // between neighbour views; stereo weakens from there
-constexpr std::size_t kNames = 3;   // view names in a sentence
+// Where a level begins. Conventions, not laws; the page says them beside what it calls so.
+constexpr double kGoodF1 = 0.8, kFairF1 = 0.5;  // at the middle threshold
+constexpr double kMuchLone = 0.25;              // share of what is shown, seen by one view only
+constexpr double kFewShared = 0.2;              // share of a view that its best partner sees
+constexpr double kWideGapDeg = 30;              // between neighbours; stereo weakens from there
+constexpr std::size_t kNames = 3;               // of views in a sentence
 
 std::string number(const JsonValue& value, int digits = 3) {
     return short_number(value.number_or(NAN), digits);
@@ -207,9 +206,10 @@ private:
             const std::string name = d["name"].text, choice = d["choice"].text,
                               reason = d["reason"].text;
             const bool below = d["measured"].number_or(0) < d["threshold"].number_or(0);
-            if (name == "densify" && choice == "on" && below)
-                limit(str("The start cloud was thin, so splats had to grow (", reason, ")."));
-            if (name == "exposure" && choice != "off")
+            if (name == "new splats" && choice == "yes" && below)
+                limit(
+                    str("The start points were sparse, so new splats were needed (", reason, ")."));
+            if (name == "exposure" && choice != "no correction")
                 limit(str("The photographs differ in exposure, which was ", choice, " (", reason,
                           "); lock the exposure of the camera."));
             if (name == "multi-view" && choice == "off")
@@ -287,7 +287,9 @@ private:
         if (!report_["plan"]) return;
         std::vector<std::string> off;
         for (const JsonValue& d : report_["plan"].items)
-            if (d["choice"].text == "off" && d["kept"].members.empty())
+            if (const std::string& choice = d["choice"].text;
+                (choice == "off" || choice == "none needed" || choice == "no correction") &&
+                d["kept"].members.empty())
                 off.push_back(str(d["name"].text, " (", d["reason"].text, ")"));
         for (const std::string& one : off) v_.left_out += (v_.left_out.empty() ? "" : "; ") + one;
         v_.left_out = off.empty() ? "Nothing." : v_.left_out + ".";

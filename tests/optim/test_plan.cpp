@@ -31,13 +31,13 @@ TEST(PlanLook, WithoutPointsNothingIsMadeUp) {
     EXPECT_EQ(look.points_per_pixel, 0);
     EXPECT_TRUE(std::isnan(look.exposure_drift));
     const auto plan = plan_of(look);
-    EXPECT_EQ(choice(plan, "exposure"), "off");
-    EXPECT_EQ(choice(plan, "densify"), "on");
+    EXPECT_EQ(choice(plan, "exposure"), "no correction");
+    EXPECT_EQ(choice(plan, "new splats"), "yes");
 }
 
 TEST(Plan, PosesAreRefinedWhereTheirPointsAskForIt) {
     SceneLook look;
-    const auto refined = [&] { return settings(plan_of(look), "poses")[0].second; };
+    const auto refined = [&] { return settings(plan_of(look), "cameras")[0].second; };
     EXPECT_EQ(refined(), "false") << "nothing is known";
     look.pose_error = 0.49;
     EXPECT_EQ(refined(), "false");
@@ -56,7 +56,7 @@ TEST(Plan, GoodPosesHardlyMoveThoughAskedTo) {
         look.pose_error = error;
         TrainingInputs in;
         in.options.cameras.refine = true;
-        return std::stod(settings(decide_training(look, in), "poses").at(1).second);
+        return std::stod(settings(decide_training(look, in), "cameras").at(1).second);
     };
     EXPECT_EQ(bound(0), 1e-3);
     EXPECT_EQ(bound(0.25), 1e-3);
@@ -65,9 +65,9 @@ TEST(Plan, GoodPosesHardlyMoveThoughAskedTo) {
 }
 
 TEST(Plan, SettingsByTheNumberOfViews) {
-    EXPECT_EQ(decide_settings(39, false).choice, "sparse");
-    EXPECT_EQ(decide_settings(40, false).choice, "dense");
-    EXPECT_EQ(decide_settings(40, true).choice, "sparse") << "measured points need votes";
+    EXPECT_EQ(decide_settings(39, false).choice, kFewPhotographs);
+    EXPECT_EQ(decide_settings(40, false).choice, kManyPhotographs);
+    EXPECT_EQ(decide_settings(40, true).choice, kFewPhotographs) << "measured points need votes";
 }
 
 TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
@@ -75,7 +75,7 @@ TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
     look.points = 10000, look.pixels = 20000, look.points_per_pixel = 0.5;
     const auto says = [&](double reduction) {
         look.reduction = reduction;
-        return decide_cloud(look, false).reason.find("at the photographs' own size") !=
+        return decide_cloud(look, false).reason.find("at the photographs' full size") !=
                std::string::npos;
     };
     EXPECT_FALSE(says(1));
@@ -182,12 +182,15 @@ TEST(Plan, DecisionsSayWhereOnTheSlopeTheyAre) {
     const auto reason = [&](double points_per_pixel) {
         look.points_per_pixel = points_per_pixel;
         for (const Decision& decision : plan_of(look))
-            if (decision.name == "densify") return decision.reason;
+            if (decision.name == "new splats") return decision.reason;
         return std::string();
     };
-    EXPECT_EQ(reason(0.01), "points per pixel: 0.01 < 0.02");
-    EXPECT_EQ(reason(0.05), "points per pixel: 0.05, by degrees from 0.02 to 0.1");
-    EXPECT_EQ(reason(0.776), "points per pixel: 0.776 >= 0.1");
+    EXPECT_EQ(reason(0.01), "0.01 start points per textured pixel: too few (0.02 or more help)");
+    EXPECT_EQ(
+        reason(0.05),
+        "0.05 start points per textured pixel: 38 % of the way from 0.02 to the 0.1 that cover the "
+        "scene");
+    EXPECT_EQ(reason(0.776), "0.78 start points per textured pixel: enough");
 }
 
 TEST(Plan, DenseSettingsKeepTheirGrowth) {
@@ -195,7 +198,7 @@ TEST(Plan, DenseSettingsKeepTheirGrowth) {
                     far = look_of(patch_scene(3, 38, 1600));
     const auto plan = plan_of(near, true);
     EXPECT_EQ(choice(plan, "iterations"), "15000");
-    EXPECT_EQ(choice(plan, "densify"), "no such decision");
+    EXPECT_EQ(choice(plan, "new splats"), "no such decision");
     EXPECT_FALSE(sets(settings(plan, "multi-view"), "loss.features.weight", "0"))
         << "not one of the dense settings";
     EXPECT_TRUE(sets(settings(plan, "multi-view"), "loss.multi_view_geometry.weight", "0.25"));
@@ -262,12 +265,12 @@ TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
 TEST(Plan, OneOfManyViewsIsTrustedFurther) {
     SceneLook look = look_of(patch_scene(3, 10, 3600));
     const auto expect_none = [&](bool dense = false) {
-        EXPECT_EQ(choice(plan_of(look, dense), "lone views"), "no such decision");
+        EXPECT_EQ(choice(plan_of(look, dense), "single views"), "no such decision");
     };
     const auto expect = [&](int views, const char* jump_px) {
         look.train_views = views;
         const auto plan = plan_of(look);
-        EXPECT_TRUE(sets(settings(plan, "lone views"), "mesh.lone_jump_px", jump_px)) << views;
+        EXPECT_TRUE(sets(settings(plan, "single views"), "mesh.lone_jump_px", jump_px)) << views;
     };
     expect(1, "0.1");
     expect(3, "0.1");
@@ -373,7 +376,7 @@ TEST(Plan, ExposureByTheBrightnessOfSharedPoints) {
         const SceneLook look = look_of(scene);
         // Grey levels are integers, and pixels of two views differ by up to half a pixel.
         EXPECT_NEAR(look.exposure_drift, gain - 1, 0.015);
-        EXPECT_EQ(choice(plan_of(look), "exposure"), gain < 1.15 ? "off" : "fitted");
+        EXPECT_EQ(choice(plan_of(look), "exposure"), gain < 1.15 ? "no correction" : "fitted");
     }
     // Hidden points are ignored: here the second view shows another texture.
     Scene hidden = patch_scene(2, 10, 1600);

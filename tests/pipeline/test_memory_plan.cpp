@@ -147,7 +147,7 @@ TEST(Machines, EachLevelOnEitherSideOfWhatItHolds) {
         return decide_machines(scene, voting(),
                                inputs(splats, limits_for(scene, fits, splats, more)));
     };
-    EXPECT_EQ(decided(voting(), 0).choice, "one GPU");
+    EXPECT_EQ(decided(voting(), 0).choice, "GPU");
     EXPECT_TRUE(decided(voting(), 0).settings.empty());
     EXPECT_EQ(decided(voting(), -1).choice, "photographs on the host");
     EXPECT_EQ(decided(voting(), -1).settings, (Settings{{"photo_bytes", "1"}}));
@@ -158,7 +158,8 @@ TEST(Machines, EachLevelOnEitherSideOfWhatItHolds) {
     EXPECT_EQ(decided(both, 0).settings, (Settings{{"photo_bytes", "1"}, {"tv.lists", "compact"}}));
     const Decision none = decided(both, -1);
     EXPECT_EQ(none.choice, "blocks");
-    EXPECT_NE(none.reason.find("199999 fit; all: tvsgs-blocks split --scene ./made --blocks 2"),
+    EXPECT_NE(none.reason.find(
+                  "199,999 fit; all in blocks: tvsgs-blocks split --scene ./made --blocks 2"),
               std::string::npos)
         << none.reason;
     EXPECT_GT(none.measured, none.threshold);
@@ -188,9 +189,10 @@ TEST(Machines, GrowthStopsWhereNoMoreFit) {
     in.expected = {1000000, "a guess"};
     const Decision d = decide_machines(scene, grown, in);
     EXPECT_EQ(d.choice, "compact lists, photographs on the host") << "holds most";
-    EXPECT_NE(d.reason.find("fit, where growth stops; all: tvsgs-blocks"), std::string::npos)
+    EXPECT_NE(d.reason.find("fit, where growth stops; all in blocks: tvsgs-blocks"),
+              std::string::npos)
         << d.reason;
-    EXPECT_NE(d.reason.find("for 1 M splats (a guess)"), std::string::npos) << d.reason;
+    EXPECT_NE(d.reason.find("for 1,000,000 splats (a guess)"), std::string::npos) << d.reason;
 }
 
 TEST(Machines, PhotographsThatCrowdAreOnTheHostAnyway) {
@@ -212,7 +214,7 @@ TEST(Machines, OnACpuTheHostsMemoryCounts) {
     const MemoryPlan plan = estimate_memory(scene, voting(), 1000, false);
     MachineInputs in = inputs(1000, {plan.host.at(1000), plan.host.at(1000)});
     in.cuda = false;
-    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "one CPU");
+    EXPECT_EQ(decide_machines(scene, voting(), in).choice, "CPU");
     EXPECT_NE(decide_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
     --in.limits.host, --in.limits.device;
     EXPECT_EQ(decide_machines(scene, voting(), in).choice, "compact lists");

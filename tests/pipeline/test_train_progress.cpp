@@ -38,14 +38,14 @@ TEST(TrainingProgress, ClocksStandStillWhilePaused) {
 
 TEST(TimePlans, SayWhatTheyRestOn) {
     TimePlan plan{7, 15, 37, 37, 0.01, 1000, false};
-    EXPECT_EQ(plan.text(),
-              "time: about 7 s to 15 s for 1000 iterations, by 37 that took 10 ms each on this "
-              "machine now, with every phase of the schedule in them");
+    EXPECT_EQ(
+        plan.text(),
+        "about 7 s to 15 s for 1,000 iterations; 37 took 10 ms each just now, in all phases of "
+        "the schedule");
     plan.steps = 9, plan.high = 1800, plan.grows = true;
     EXPECT_EQ(plan.text(),
-              "time: about 7 s to 30 min for 1000 iterations, by 9 that took 10 ms each on this "
-              "machine now, before later phases of the schedule, which may be slower; longer as "
-              "splats grow");
+              "about 7 s to 30 min for 1,000 iterations; 9 took 10 ms each just now, before later "
+              "phases, which may be slower; longer as splats are added");
 }
 
 }  // namespace

@@ -92,7 +92,7 @@ TEST_F(Memory, EstimatesAreNearTheMeasuredPeak) {
                 "--set loss.normal.start=1 --set init.min_points=0 --out " +
                 run);
             ASSERT_EQ(r.code, 0) << r;
-            EXPECT_TRUE(r.says("memory: about ")) << "told before the first step: " << r;
+            EXPECT_TRUE(r.says("start points. CPU, needs ")) << "told before the first step: " << r;
             const auto peak = last_line(run).at("peak_bytes").get<double>();
             const auto estimate = static_cast<double>(at(plan(run).at("device"), most_splats(run)));
             // Never too little. Too much, as lists of tiles vary with the view, buffers grow by
@@ -137,7 +137,7 @@ TEST_F(Memory, GrowthStopsAtWhatFits) {
 }
 
 TEST_F(Memory, TheFirstSplatsMustFit) {
-    expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, "training would need about ");
+    expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, "training needs about ");
     expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, " MiB may be used");
     expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, "--max-gaussians");
     // Half of the splats fit: three blocks, with their margins. The images alone do not: no blocks.
@@ -146,8 +146,9 @@ TEST_F(Memory, TheFirstSplatsMustFit) {
     ASSERT_EQ(whole.code, 0) << whole;
     const std::int64_t half =
         at(plan("whole").at("host"), plan("whole").at("first_splats").get<std::int64_t>() / 2);
-    expect_refused(compact + "--host-memory " + std::to_string(half), 4,
-                   "tvsgs-blocks split --scene scene --blocks 3 --out BLOCKS makes parts that fit");
+    expect_refused(
+        compact + "--host-memory " + std::to_string(half), 4,
+        "make blocks that fit: tvsgs-blocks split --scene scene --blocks 3 --out BLOCKS");
     const Result none = train(compact + "--host-memory 1M --out none");
     EXPECT_EQ(none.code, 4) << none;
     EXPECT_FALSE(none.says("tvsgs-blocks")) << none;

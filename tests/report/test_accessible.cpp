@@ -205,7 +205,7 @@ std::string full_report() {
     const JsonValue report = parse_json_value(
         str(R"({"run": {"name": "statue", "scene": "s", "device": "cpu", "version": "tvsgs 0"},
             "config": {"backbone": "ewa", "seed": 1, "tv": {"enabled": true, "k": 64}},
-            "plan": [{"name": "densify", "choice": "off", "reason": "it covers"}],
+            "plan": [{"name": "new splats", "choice": "none needed", "reason": "enough"}],
             "summary": {"event": "done", "iteration": 100, "seconds": 9, "gaussians": 60, "psnr": 25,
                         "peak_bytes": 9000000},
             "missing": ["the truth"],

@@ -87,7 +87,7 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
         "views": [{"name": "near", "psnr": 20}, {"name": "far", "psnr": 10}],
         "evaluations": [{"psnr": 17, "iteration": 50}],
         "plan": [{"name": "x", "choice": "off", "reason": "1 < 2"},
-                 {"name": "densify", "choice": "off", "reason": "thick",
+                 {"name": "new splats", "choice": "none needed", "reason": "thick",
                   "kept": {"densify.enabled": "true by --set"}},
                  {"name": "exposure", "choice": "fitted", "reason": "dark",
                   "kept": {"loss.photometric.exposure": "false by --set"}}],

@@ -205,8 +205,8 @@ PointCloud initial_points(const SceneOptions& options,
         cloud.colors.push_back(points.colors[i]);
     }
     if (subset && !points.positions.empty())
-        spdlog::info("Two training views see {} of the {} points of the scene",
-                     grouped(cloud.positions.size()), grouped(points.positions.size()));
+        spdlog::debug("{} of the model's {} points are seen by two training views",
+                      cloud.positions.size(), points.positions.size());
     drop_unusable(cloud, model_folder);
     // The points of Blender scenes do not come from photographs.
     const bool may_use = !subset || layout.format == "blender";

@@ -144,8 +144,8 @@ ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, 
     if (found.lonely == 0) {
         std::size_t pairs = 0;
         for (const auto& chosen : found.result.of_view) pairs += chosen.size();
-        spdlog::info("Each photograph is compared with {:.1f} others",
-                     static_cast<double>(pairs) / views);
+        spdlog::debug("Each photograph is compared with {:.1f} others",
+                      static_cast<double>(pairs) / views);
     } else {
         spdlog::warn(
             "Multi-view losses are off for {} of {} training views: no other view within {:.4g} "

@@ -222,8 +222,8 @@ void make_stereo_priors(const DeviceChoice& device,
             str("losses need priors, but stereo found no depth in ", views.size(),
                 " views; give priors with --priors, or set the weights of these losses to 0"));
     add_stereo_priors(found, wanted, views);
-    spdlog::info("Priors by stereo: measured {:.0f} % of the pixels, filled in the rest",
-                 100.0 * static_cast<double>(known) / static_cast<double>(pixels));
+    spdlog::debug("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
+                  100.0 * static_cast<double>(known) / static_cast<double>(pixels));
 }
 
 }  // namespace tvsgs

@@ -3,10 +3,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string_view>
 
-#include "core/grouped.h"
+#include "core/error.h"
+#include "core/log.h"
 #include "io/files/json_value.h"
 #include "optim/loop/schedule.h"
 
@@ -69,19 +71,16 @@ std::string TrainProgress::text(const TrainReport& report) {
     last_ = report.step;
     pace_.add(seconds(), report.step);
     const double left = pace_.left(iterations_);
-    std::string line = progress_text(
-        "", seconds(), iterations_ > 0 ? static_cast<double>(report.step) / iterations_ : 1, left,
-        ahead != phases_.end());
-    char more[160];
-    if (left > 0) {
-        std::snprintf(more, sizeof more, "  %.1f it/s", (iterations_ - report.step) / left);
-        line += more;
-    }
-    std::snprintf(more, sizeof more, "  %s/%s  loss %.5f  %s splats  %s MiB",
-                  grouped(report.step).c_str(), grouped(iterations_).c_str(), report.loss,
-                  grouped(report.gaussians).c_str(),
-                  grouped(report.memory.current_bytes >> 20).c_str());
-    return line + more;
+    const int share = iterations_ > 0 ? static_cast<int>(100.0 * report.step / iterations_) : 100;
+    std::string line =
+        fmt::format("{:3} %  {}/{}  {}", share, report.step, iterations_, clock_text(seconds()));
+    if (std::isfinite(left) && report.step < iterations_)
+        line +=
+            str(ahead != phases_.end() ? ", more than " : ", about ", clock_text(left), " left");
+    if (!spdlog::should_log(spdlog::level::debug)) return line;
+    if (left > 0) line += fmt::format("  {:.1f} it/s", (iterations_ - report.step) / left);
+    return line + fmt::format("  loss {:.5f}  {} splats  {} MiB", report.loss, report.gaussians,
+                              report.memory.current_bytes >> 20);
 }
 
 void TrainProgress::show(const TrainReport& report) {

@@ -114,7 +114,13 @@ inline double psnr_trained(const ViewScores& scores, const TrainOptions& options
                : scores.mean_psnr;
 }
 
-/// An evaluation during training, of the trained splats followed by fixed ones (`drawn`).
+// PSNR of views that did not train, dB. Conventions, which the report states.
+inline constexpr double kGoodPsnr = 27, kFairPsnr = 20;
+inline const char* psnr_level(double psnr) {
+    return psnr >= kGoodPsnr ? "good" : psnr >= kFairPsnr ? "fair" : "poor";
+}
+
+/// An evaluation during training, of the splats as `drawn`: with fixed ones after them.
 struct Evaluation {
     JsonValue line;   // for log.jsonl
     double psnr = 0;  // psnr_trained() of the test views

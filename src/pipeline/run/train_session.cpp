@@ -115,7 +115,7 @@ void TrainSession<Device>::run() {
         const auto last = checkpoints_.finish();
         if (!last) throw;
         throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
-                                      "; --resume goes on from there"));
+                                      "; --resume continues from there"));
     }
     synchronize(Device{});
     end_progress_line();
@@ -140,12 +140,11 @@ void TrainSession<Device>::finish(const Gaussians<Device>& trained, double secon
     run_.remove_splats_of_stops(done_);
     write_results(trained, seconds);
     in_.write_report();
-    spdlog::info(
-        "Trained {} splats in {} iterations and {:.1f} s, peak memory {} MiB; run folder {}",
-        grouped(splats.size()), grouped(done_), seconds,
-        grouped(memory_use(Device{}).peak_bytes >> 20), run_.path());
+    spdlog::debug("{} splats after {} iterations in {:.1f} s, peak {} MiB", grouped(splats.size()),
+                  done_, seconds, memory_use(Device{}).peak_bytes >> 20);
     if (!checkpoints_.failure().empty())
-        throw Error(ExitCode::io, str(run_.path(),
+        throw Error(ExitCode::io,
+                    str(run_.path(),
                                       ": the run is complete, but --resume cannot extend it: the "
                                       "last checkpoint was not saved: ",
                                       checkpoints_.failure()));
@@ -260,9 +259,8 @@ void TrainSession<Device>::fit_to_budget() {
                  .add("iteration", done_)
                  .add("seconds", progress_.seconds())
                  .add("iterations", training_.iterations));
-    spdlog::info("Fitted the schedule to {2:g} s: {1} iterations in all, {0:.1f} s so far",
-                 progress_.seconds(), grouped(training_.iterations),
-                 static_cast<double>(in_.options.plan.time_budget));
+    spdlog::info("After {:.1f} s: {} iterations fit into {:g} s at this speed", progress_.seconds(),
+                 grouped(training_.iterations), static_cast<double>(in_.options.plan.time_budget));
 }
 
 template <class Device>
@@ -284,9 +282,9 @@ void TrainSession<Device>::warn_of_few(int splats) const {
     const std::size_t first = in_.scene.points.positions.size();
     if (static_cast<std::size_t>(splats) < first / 100)
         spdlog::warn(
-            "Only {1} splats are left of {0} start points: learning rates (lr.*) or pruning "
+            "Only {} splats are left of {} start points: learning rates (lr.*) or pruning "
             "(densify.*) do not suit this scene",
-            grouped(first), grouped(splats));
+            grouped(splats), grouped(first));
 }
 
 template <class Device>
@@ -294,13 +292,11 @@ void TrainSession<Device>::say_how_it_ended(double seconds) {
     const auto last = checkpoints_.finish();
     const Convergence& convergence = scores_.convergence();
     if (convergence.over())
-        spdlog::info(
-            "Converged: the best PSNR, {:.2f} dB, was reached after {:.1f} s; stopped after {:.1f} "
-            "s",
-            convergence.best(), convergence.best_at(), seconds);
+        spdlog::info("Converged: the best PSNR, {:.2f} dB, was at {:.1f} s; stopped at {:.1f} s",
+                     convergence.best(), convergence.best_at(), seconds);
     else if (done_ < training_.iterations) {
-        spdlog::warn("Stopped after {} of {} iterations; the splats are in {}", grouped(done_),
-                     grouped(training_.iterations), run_.path());
+        spdlog::warn("Stopped after {} of {} iterations; {} has the splats so far", done_,
+                     training_.iterations, run_.path());
         run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
         if (!last) throw Error(ExitCode::io, checkpoints_.failure());
         spdlog::warn("Continue with:\n    tvsgs-train --resume {}", run_.path());
@@ -339,23 +335,20 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
 template <class Device>
 void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
                                             JsonValue& summary) const {
-    const std::size_t views = in_.scene.test.size();
     const bool masked = have_masks(in_.scene.test);
     const ViewScores scores =
         evaluate_views(drawn, in_.scene.test, training_, run_.path(), {.masked = masked});
     summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
     if (masked) summary.add("psnr_masked", scores.mean_masked.psnr);
-    spdlog::info(
-        "{} test photographs: PSNR {:.2f} dB{}, SSIM {:.4f}; pictures: {}/test", views,
-        scores.mean_psnr,
-        masked ? fmt::format(" (on the object only {:.2f} dB)", scores.mean_masked.psnr) : "",
-        scores.mean_ssim, run_.path());
     const double psnr = psnr_trained(scores, training_);
+    spdlog::info("Test photographs: PSNR {:.1f} dB{}, SSIM {:.3f}: {}", scores.mean_psnr,
+                 masked ? fmt::format(" (on the object {:.1f})", scores.mean_masked.psnr) : "",
+                 scores.mean_ssim, psnr_level(psnr));
     if (psnr < scores_.best_psnr() - kClearlyWorse)
         spdlog::warn(
-            "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB now: the training was too "
-            "long, or grew too many splats; try --iterations {}, --until converged or --set "
-            "densify.enabled=false",
+            "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB at the end: the training was "
+            "too long, or added too many splats; try --iterations {}, --until converged or "
+            "--set densify.enabled=false",
             scores_.best_psnr(), scores_.best_step(), psnr, scores_.best_step());
 }
 

@@ -30,8 +30,8 @@ inline StereoStart prepare_points(const DeviceChoice& device,
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
     } else if (needs_stereo(options, scene)) {
-        spdlog::info("{} start points, fewer than init.min_points = {}: stereo makes a cloud",
-                     grouped(scene.points.positions.size()), grouped(init.min_points));
+        spdlog::debug("{} start points, {} needed (init.min_points): stereo makes more",
+                      grouped(scene.points.positions.size()), grouped(init.min_points));
         try {
             StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
                                               stereo_cap(init.max_points));

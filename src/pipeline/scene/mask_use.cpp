@@ -72,7 +72,7 @@ std::size_t drop_background_points(const std::vector<View>& views, PointCloud& c
 void keep_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud) {
     if (use != MaskUse::object) return;
     if (const std::size_t dropped = drop_background_points(views, cloud))
-        spdlog::info("Dropped {} start points outside the masks", grouped(dropped));
+        spdlog::debug("Dropped {} start points outside the masks", dropped);
 }
 
 }  // namespace tvsgs

@@ -56,7 +56,7 @@ bool may_take_normals(const Configuration& asked) {
 Decision held_exposure(const Decision& decision, const RunOptions& options) {
     const std::string& run = options.train.loss.photometric.exposure_from;
     if (decision.name != "exposure" || run.empty()) return decision;
-    return {"exposure", "held", str("as ", run, " has fitted it"), NAN, NAN, {}};
+    return {"exposure", "held", str("fitted by ", run), NAN, NAN, {}, "exposure held"};
 }
 
 /// Prepares a run in three rounds: views, cloud, training. Each looks at the scene, decides if the
@@ -131,7 +131,7 @@ void Preparation::decide_settings(const ChosenViews& chosen) {
         const TrainOptions& train = options_.train;
         const Decision settings = tvsgs::decide_settings(
             static_cast<int>(chosen.split.train.size()), !train.tv.fixed_voters.empty());
-        dense_ = settings.choice == "dense";
+        dense_ = settings.choice == kManyPhotographs;
         config_.table.read_text_below(kPlanSource,
                                       built_in_config(dense_ ? kDenseConfig : kSparseConfig));
         apply(settings);
@@ -156,7 +156,7 @@ void Preparation::hold_out_view(ChosenViews& chosen, bool resumed) {
                         kFew, " training views, of which one is held out"));
     const auto middle = train.begin() + static_cast<std::ptrdiff_t>(train.size() / 2);
     const std::string& name = chosen.layout.model.images[static_cast<std::size_t>(*middle)].name;
-    spdlog::info("--until converged: {} is held out", name);
+    spdlog::info("--until converged: held out {} as a test photograph", name);
     config_.table.set("scene.held_out", name, "--until converged");
     chosen.split.test.push_back(*middle);
     train.erase(middle);
@@ -235,7 +235,7 @@ MachineInputs Preparation::machine_inputs() const {
 }
 
 void Preparation::provide_training(bool priors) {
-    if (planned_ && priors) spdlog::info("the plan (--plan prints it alone):\n{}", plan_.text());
+    if (planned_ && priors) spdlog::debug("The plan:\n{}", plan_.text());
     read_fixed_splats(options_, scene_);  // as the rasteriser that was chosen draws them
     if (priors) provide_maps(device_, options_, std::move(stereo_), scene_);
 }
@@ -254,12 +254,12 @@ Resolved resolve(const DeviceChoice& device, const Configuration& asked, bool pl
     Preparation run(device, asked, asked.options.plan.enabled || plan_only);
     if (!asked.options.plan.enabled && plan_only)
         run.remark(
-            "This is what a run without --config would do; the configuration given is not "
-            "planned (plan.enabled).");
+            "A run without --config would do this; the given configuration is not planned "
+            "(plan.enabled).");
     run.read_views();
     run.decide_cloud();
     if (plan_only && run.needs_stereo()) {
-        run.remark("More is decided on the cloud that stereo makes.");
+        run.remark("Stereo makes the start points; the other decisions follow from them.");
         return run.result();
     }
     run.provide_cloud();

@@ -30,7 +30,7 @@ SkyLook provide_sky(Configuration& config, Scene& scene, RunPlan* plan) {
         points_before_sky(scene.train, look, scene.points.positions);
     if (const std::size_t dropped = scene.points.positions.size() - kept.size()) {
         scene.points = select_points(scene.points, kept);
-        spdlog::info("Dropped {} start points in the sky", grouped(dropped));
+        spdlog::debug("Dropped {} start points in the sky", dropped);
     }
     if (!o.sky_from.empty())
         read_sky(o, o.sky_from);
