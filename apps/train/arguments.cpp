@@ -41,8 +41,8 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
     KeyFlags flags(app, table);
     flags.add_scene();
     flags.add("--mask-use", "loss.photometric.masks",
-              "object: nothing is outside of the masks; ignore: what is outside is not looked at; "
-              "none [the plan decides; none without it]",
+              "object: nothing is outside the masks; ignore: pixels outside do not count; none "
+              "[the plan decides; none without it]",
               "Scene");
     flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
               "Scene");
@@ -50,43 +50,44 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
               "measured points (LiDAR) in the frame of the scene: they vote and never move",
               "Scene");
     flags.add("--priors", "priors.dir",
-              "folder of depth, normals and features that others made of the photographs [looked "
-              "for in the scene]",
+              "folder of depth, normals and features from other programs [searched in the scene]",
               "Scene");
     const char* group = "Training";
-    flags.add(
-        "--iterations", "iterations",
-        "training iterations, to which the plan fits its schedule [by the plan; with --config, "
-        "that of the file]",
-        group);
-    flags.add("--seed", "seed", "of all random numbers", group);
-    flags.add("--max-gaussians", "densify.max_gaussians", "growth stops there", group);
-    flags.add("--gpu-memory", "memory.gpu", "GPU memory to use, such as 8G: growth stops before",
+    flags.add("--iterations", "iterations",
+              "training iterations; the plan fits its schedule to them [the plan decides; with "
+              "--config, from the file]",
               group);
-    flags.add("--host-memory", "memory.host", "the same of the host", group);
+    flags.add("--seed", "seed", "seed of all random numbers", group);
+    flags.add("--max-gaussians", "densify.max_gaussians", "growth stops at this number of splats",
+              group);
+    flags.add("--gpu-memory", "memory.gpu", "GPU memory to use, such as 8G; growth stops before",
+              group);
+    flags.add("--host-memory", "memory.host", "host memory to use", group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
     flags.add_switch("--refine-cameras", "cameras.refine",
-                     "move the training views' poses along with the splats [the plan decides; no "
-                     "without it]",
+                     "improve the training views' poses together with the splats [the plan "
+                     "decides; off without it]",
                      group);
     flags.add("--time-budget", "plan.time_budget",
-              "seconds of training to fit the schedule into, at most as long as it is", group);
+              "shorten the schedule to so many seconds of training; 0: no limit", group);
     flags.add("--until", "plan.until",
-              "iterations, or converged: stop when views that do not train gain no more", group);
+              "iterations; or converged: stop when test photographs stop improving", group);
     app.add_flag("--deterministic", deterministic,
-                 "accepted for scripts: every run is reproducible bit for bit")
+                 "accepted for scripts: every run repeats bit for bit")
         ->group(group);
     group = "Evaluation";
     flags.add("--eval-at", "eval.at",
               "seconds of training after which to evaluate: 5,10,20,40 or 5,10,...", group);
     flags.add("--eval-every", "eval.every", "iterations between evaluations", group);
-    flags.add("--gt", "eval.gt", "true surface (PLY): Chamfer and F1 of the splats' centres",
-              group);
-    flags.add_switch("--eval-mesh", "eval.mesh", "with --gt: extract and measure the mesh as well",
+    flags.add("--gt", "eval.gt",
+              "true surface (PLY): Chamfer distance and F1 of the splats' centres", group);
+    flags.add_switch("--eval-mesh", "eval.mesh", "with --gt: also extract and measure the mesh",
                      group);
-    flags.add("--visible-gt", "eval.visible_gt", "part that completeness asks for", group);
+    flags.add("--visible-gt", "eval.visible_gt", "part of the truth that completeness counts",
+              group);
     flags.add("--crop", "eval.crop", "selection volume, box or gt/info.json", group);
-    flags.add("--tau", "eval.taus", "thresholds T,T,... of F1 [0.5, 1, 2 % of the truth]", group);
+    flags.add("--tau", "eval.taus", "thresholds T,T,... of F1 [0.5, 1, 2 % of the truth's size]",
+              group);
     group = "Configuration";
     app.add_option("-c,--config", configs, "JSON file; later ones win [configs/auto.json]")
         ->group(group)
@@ -97,8 +98,7 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
         ->expected(1)
         ->take_all();
     app.add_flag("--plan", arguments.plan,
-                 "look at the scene, print what it needs and why, with its memory and time, and "
-                 "stop; without a configuration that is what a run goes by")
+                 "print the decisions with their reasons, memory and time, and stop")
         ->group(group);
     app.add_flag("--list-keys", arguments.list_keys,
                  "print every key with its range, default and meaning")
@@ -112,13 +112,13 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
     std::string resume;
     CLI::Option* const resume_flag =
         app.add_option("--resume", resume,
-                       "go on from the newest checkpoint of that run folder (or of --out), or from "
-                       "that checkpoint; other flags change the configuration from there on")
+                       "continue from the newest checkpoint of that run folder (or of --out), or "
+                       "from that checkpoint; other flags change the configuration from there on")
             ->expected(0, 1)
             ->group(group);
     app.add_option("--checkpoint-every", arguments.session.checkpoint_every,
-                   "iterations between checkpoints, the end is one as well; 0: only when the run "
-                   "is stopped [5000]")
+                   "iterations between checkpoints, beside the last one; 0: only when the run is "
+                   "stopped [5000]")
         ->check(CLI::Range(0, 1000000000))
         ->group(group);
     app.add_option("--progress", progress, "auto, plain or json")
@@ -134,7 +134,7 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
         ->group(group)
         ->excludes(quiet);
     app.add_flag("--profile", arguments.session.profile,
-                 "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
+                 "seconds per stage in log.jsonl; the run is slower, as it waits around each stage")
         ->group(group);
     app.add_option("--live", arguments.session.live_every,
                    "write the splats every so many seconds, for tvsgs-view to follow the run [5]")
@@ -150,8 +150,8 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
     Resume& resume_from = arguments.resume;
     if (arguments.plan && resume_flag->count() > 0)
         throw Error(ExitCode::usage,
-                    "--plan with --resume: a run that goes on keeps its settings; plan.json in its "
-                    "folder is the plan");
+                    "--plan with --resume: a resumed run keeps its settings; its plan is plan.json "
+                    "in the run folder");
     if (resume_flag->count() > 0) resume_from = open_resume(resume, arguments.out, table);
     if (configs.empty() && !is_configured(resume_from, arguments.out))
         table.read_text("configs/auto.json", built_in_config(kAutoConfig));
