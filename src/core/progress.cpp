@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "core/clock_text.h"
+
 namespace tvsgs {
 namespace {
 
@@ -80,17 +82,6 @@ double Pace::left(double total) const {
                  done = seen_.back().done - seen_.front().done;
     if (!(seconds >= kBasis) || !(done > 0)) return NAN;
     return std::max(0.0, total - seen_.back().done) * seconds / done;
-}
-
-std::string clock_text(double seconds) {
-    const auto total = static_cast<long>(std::lround(std::min(seconds, 1e9)));
-    char text[48];
-    if (total >= 3600)
-        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
-                      total % 60);
-    else
-        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
-    return text;
 }
 
 std::string progress_text(

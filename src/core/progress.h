@@ -55,9 +55,6 @@ private:
     Pace pace_;
 };
 
-/// 65 -> "1:05".
-std::string clock_text(double seconds);
-
 /// Returns "0:12 [####....] 40 %  left 0:18" preceded by `what`. `left` NaN: unknown. `at_least`:
 /// later work may be slower, so `left` is a lower bound.
 std::string progress_text(

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "core/clock_text.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "io/files/json_value.h"
