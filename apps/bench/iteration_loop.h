@@ -74,7 +74,7 @@ std::vector<std::pair<std::string, double>> BenchIteration<Device>::losses() con
 
 template <class Device>
 int BenchIteration<Device>::compared_pixels() const {
-    OtherViews<Device>* const others = parts_->iteration.others();
+    NeighbourViews<Device>* const others = parts_->iteration.others();
     if (others == nullptr || others->count() == 0) return 0;
     int count = 0;
     for (const int valid : to_host((*others)[0].valid())) count += valid;

@@ -179,7 +179,7 @@ int TrainBench::run() {
         throw Error(ExitCode::usage, str("--psnr: ", options.scene.path,
                                          " has no test views; give --eval or --split LIST"));
     check_masks(options.train.loss.photometric, scene.train);
-    keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
+    limit_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
     read_fixed_points(options, scene);
     provide_maps(device, options, prepare_points(device, options, scene), scene);
 

@@ -229,7 +229,8 @@ int split_scene(SplitArguments a, bool quiet) {
                                          file_px(first.camera.height_px))
                                 .width_px) /
         first.camera.width_px;
-    const bool grows = options.train.densify.enabled && options.train.densify.spare_covered < 1;
+    const bool grows =
+        options.train.densify.enabled && options.train.densify.growth_in_gaps_only < 1;
     const double expected =
         (grows ? 5.0 : 1.0) *
         static_cast<double>(std::max(scene.points.positions.size(), std::size_t{1}));
@@ -244,7 +245,7 @@ int split_scene(SplitArguments a, bool quiet) {
                   "tvsgs-blocks split");
     manifest.split = split_of(manifest);
     const auto looks = on_device(device, [&](auto tag) {
-        return look_at_blocks<decltype(tag)>(scene, coarse, of_coarse.train, manifest);
+        return find_block_views<decltype(tag)>(scene, coarse, of_coarse.train, manifest);
     });
     const std::vector<BlockContents> blocks =
         fill_blocks(scene, coarse, manifest, a.split, expected, looks);

@@ -253,7 +253,7 @@ CLI::Option* add_output_flag(CLI::App& app,
                              const std::string& description) {
     return app.add_option(names, file, description)->each([](const std::string& name) {
         require_replaceable(name);
-        require_no_record(name);
+        require_not_results_file(name);
     });
 }
 

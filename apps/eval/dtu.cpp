@@ -46,7 +46,7 @@ JsonValue counts_json(const Prediction& in, std::size_t culled, const DtuMetrics
 
 int dtu(const DtuArguments& a) {
     const std::vector<Bound> bounds = parse_bounds(a.require);
-    if (!a.clouds.empty()) list_results(a.clouds, {"accuracy.ply", "completeness.ply"});
+    if (!a.clouds.empty()) create_results_folder(a.clouds, {"accuracy.ply", "completeness.ply"});
     DtuOptions options = a.options;
     if (a.order == "given")
         options.seed.reset();

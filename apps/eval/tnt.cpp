@@ -51,9 +51,10 @@ int tnt(const TntArguments& a) {
     const TntFiles files = find_tnt_files(a.scene_dir, a.scene_name);
     const double tau = find_tnt_tau(a.tau, files.scene);
     if (!a.results.empty())
-        list_results(a.results, {"alignment.txt", files.scene + ".precision.txt",
-                                 files.scene + ".recall.txt", files.scene + ".prf_tau_plotstr.txt",
-                                 files.scene + ".precision.ply", files.scene + ".recall.ply"});
+        create_results_folder(a.results,
+                              {"alignment.txt", files.scene + ".precision.txt",
+                               files.scene + ".recall.txt", files.scene + ".prf_tau_plotstr.txt",
+                               files.scene + ".precision.ply", files.scene + ".recall.ply"});
 
     // 1. Read.
     const Crop crop = read_crop(files.crop);

@@ -40,7 +40,7 @@ double typical_size(const Gaussians<Cpu>& g) {
     return std::exp(double{*at});
 }
 
-void say_left_out(const SelectionReport& report, int of, std::size_t views) {
+void log_left_out(const SelectionReport& report, int of, std::size_t views) {
     const auto say_one = [&](std::int64_t count, const std::string& why) {
         if (count > 0)
             spdlog::info("Removed {} of {} splats: {}", grouped(count), grouped(of), why);

@@ -30,7 +30,7 @@ struct ExportReport {
 double typical_size(const Gaussians<Cpu>& gaussians);
 
 /// Logs how many splats were left out, and why.
-void say_left_out(const SelectionReport& report, int of, std::size_t views);
+void log_left_out(const SelectionReport& report, int of, std::size_t views);
 void say(const ExportReport& report);
 
 /// One line, with its end.

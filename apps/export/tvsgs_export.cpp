@@ -261,11 +261,11 @@ int command(int argc, char** argv) {
     std::vector<double> light;
     if (scene && (a.prune_unseen || (a.max_splats > 0 && in.splats.size() > a.max_splats)))
         light = on_device(device, [&](auto tag) {
-            return light_of_splats<decltype(tag)>(in.splats, cameras, options.train);
+            return blend_weight_of_splats<decltype(tag)>(in.splats, cameras, options.train);
         });
     ExportReport report;
     report.path = a.output, report.format = a.format();
-    report.frame = how.frame.value_or(usual_frame(report.format));
+    report.frame = how.frame.value_or(default_frame(report.format));
     Gaussians<Cpu> kept;
     copy(in.splats, kept);
     report.left_out = select_splats(selection, light, kept);
@@ -273,7 +273,7 @@ int command(int argc, char** argv) {
     if (report.splats == 0)
         throw input_error(in.path, ": none of its ", grouped(in.splats.size()),
                           " splats is left; loosen --bbox or --prune-unseen");
-    say_left_out(report.left_out, in.splats.size(), cameras.size());
+    log_left_out(report.left_out, in.splats.size(), cameras.size());
 
     // 3. Write the file, and check it.
     report.bytes = write_splat_file(a.output, kept, how);

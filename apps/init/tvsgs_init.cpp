@@ -153,7 +153,8 @@ int command(int argc, char** argv) {
                     str("--out ", arguments.out, ": is a folder; expected a file name"));
     if (!arguments.out.empty()) require_output(arguments.out, {".ply"}, scene_options);
     if (!arguments.maps.empty())
-        list_results(arguments.maps, {"depth", "confidence", "normal", "pictures", "priors.json"});
+        create_results_folder(arguments.maps,
+                              {"depth", "confidence", "normal", "pictures", "priors.json"});
     const DeviceChoice device = choose_device(arguments.device);
     scene_options.scratch =
         arguments.out.empty() ? "" : fs::absolute(arguments.out).parent_path().string();

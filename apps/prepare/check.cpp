@@ -139,7 +139,7 @@ Check check_models(const std::vector<std::string>& names,
     return check;
 }
 
-void say_check(const Check& check) {
+void log_check(const Check& check) {
     spdlog::info("{} of {} photographs have poses; {} points, each in {:.1f} photographs",
                  check.registered, check.photographs, grouped(check.points), check.track_length);
     spdlog::info("Reprojection error {:.2f} px on average, {:.2f} px in the worst photograph, {}",

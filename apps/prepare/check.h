@@ -37,7 +37,7 @@ Check check_models(const std::vector<std::string>& names,
                    const std::map<std::string, int>& features);
 
 /// Logs the check as messages and warnings.
-void say_check(const Check& check);
+void log_check(const Check& check);
 
 JsonValue json_of(const Check& check);
 

@@ -307,7 +307,7 @@ int command(int argc, char** argv) {
     std::vector<std::string> names;
     for (const Photograph& photo : photographs) names.push_back(photo.name);
     const Check check = check_models(names, found.models, found.features);
-    say_check(check);
+    log_check(check);
     if (check.registered * 100 < check.photographs * static_cast<std::size_t>(a.min_share))
         throw input_error(
             a.photos, ": ", check.registered, " of ", check.photographs,

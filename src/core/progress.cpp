@@ -70,13 +70,13 @@ double steady_seconds() {
         .count();
 }
 
-void Pace::add(double seconds, double done) {
+void ProgressRate::add(double seconds, double done) {
     seen_.push_back({seconds, done});
     const double since = seconds - std::max(kWindow, seconds / 3);
     while (seen_.size() > 2 && seen_[1].seconds <= since) seen_.pop_front();
 }
 
-double Pace::left(double total) const {
+double ProgressRate::left(double total) const {
     if (seen_.empty()) return NAN;
     const double seconds = seen_.back().seconds - seen_.front().seconds,
                  done = seen_.back().done - seen_.front().done;

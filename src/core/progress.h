@@ -20,7 +20,7 @@ ProgressStyle progress_style();
 void end_progress_line();
 
 /// Speed of the work, measured over the recent past.
-class Pace {
+class ProgressRate {
 public:
     /// Records that `done` is complete after `seconds`. Both must not decrease.
     void add(double seconds, double done);
@@ -52,7 +52,7 @@ private:
     std::mutex mutex_;
     std::string what_;
     double total_, done_ = 0, begin_, shown_;
-    Pace pace_;
+    ProgressRate pace_;
 };
 
 /// Returns "0:12 [####....] 40 %  left 0:18" preceded by `what`. `left` NaN: unknown. `at_least`:

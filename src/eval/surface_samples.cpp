@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kMaxCells = 4096;
 constexpr int kMaxDepth = 20;
 constexpr std::int64_t kMaxLines = 100'000'000;
-constexpr std::int64_t kVainLines = 4'000'000;  // gives up after so many lines without a hit
+constexpr std::int64_t kMaxMisses = 4'000'000;  // gives up after so many lines without a hit
 constexpr std::int64_t kRound = 1 << 16;        // lines between two checks of the error
 
 /// A cell of a grid that divides a box into 2^depth cells per side.
@@ -215,7 +215,7 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
             sample.points.insert(sample.points.end(), cuts[chunk].begin(), cuts[chunk].end());
         }
         const double points = static_cast<double>(sample.points.size());
-        if (points == 0 && lines >= kVainLines) break;
+        if (points == 0 && lines >= kMaxMisses) break;
         if (points > 0 && std::sqrt(squares) <= points * standard_error) break;
     }
     // A line that meets a convex body of area A intersects a surface of area S inside it 2 S / A

@@ -37,7 +37,7 @@ constexpr int kFewViews = 9, kManyViews = 20;
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 constexpr double kLargestScalePx = 1e5;  // none is larger
 // Depth jumps within a surface that a single view sees: without a covering cloud (the default of
-// mesh.lone_jump_px), and with one for up to kLeastViews and from kFewViews on.
+// mesh.single_view_jump_px), and with one for up to kLeastViews and from kFewViews on.
 constexpr double kBareJumpPx = 0.25, kLeastJumpPx = 0.1, kManyJumpPx = 1;
 /// Grows with the pixels of a scene, up to kManyMegapixels.
 struct ByPixels {
@@ -171,9 +171,9 @@ private:
         if (covered_ >= 1)
             by_cloud("new splats", "none needed", {{"densify.enabled", "false"}});
         else
-            by_cloud("new splats",
-                     covered_ > 0 ? str("in gaps, ", percent(covered_), " fewer") : "yes",
-                     {{"densify.enabled", "true"}, {"densify.spare_covered", rounded(covered_)}});
+            by_cloud(
+                "new splats", covered_ > 0 ? str("in gaps, ", percent(covered_), " fewer") : "yes",
+                {{"densify.enabled", "true"}, {"densify.growth_in_gaps_only", rounded(covered_)}});
         plan_.back().brief = covered_ >= 1  ? "no new splats"
                              : covered_ > 0 ? "new splats in gaps"
                                             : "new splats";
@@ -222,7 +222,7 @@ private:
         const double covered_px = kLeastJumpPx * std::pow(kManyJumpPx / kLeastJumpPx, many),
                      jump_px = kBareJumpPx * std::pow(covered_px / kBareJumpPx, covered_);
         by_cloud("single views", str("meshed if smooth to ", short_figure(jump_px), " px"),
-                 {{"mesh.lone_jump_px", rounded(jump_px)}});
+                 {{"mesh.single_view_jump_px", rounded(jump_px)}});
         by_views(str(kLeastJumpPx, " px up to ", kLeastViews, ", ", kManyJumpPx, " px from ",
                      kFewViews, " on"));
     }
@@ -266,13 +266,13 @@ private:
             std::to_string(std::clamp(iterations_ / kOpaqueShare, 1, kOpaqueAfter));
         Settings settings, starts;
         for (const TermOnList& term : terms_on_list(in_.multi_view)) {
-            if (term.needs.other_views == 0 || !(term.weight > 0)) continue;
+            if (term.needs.neighbour_views == 0 || !(term.weight > 0)) continue;
             settings.emplace_back(str("loss.", term.key, ".weight"),
                                   rounded(strength * static_cast<double>(term.weight)));
             starts.emplace_back(str("loss.", term.key, ".start"), start);
         }
         settings.emplace_back("loss.multi_view.limits", "relative");
-        settings.emplace_back("loss.multi_view.lone_angle_deg", str(kWideAngleDeg));
+        settings.emplace_back("loss.multi_view.fallback_angle_deg", str(kWideAngleDeg));
         if (on && !in_.dense) settings.insert(settings.end(), starts.begin(), starts.end());
         const std::string choice = on ? percent(strength) : "off",
                           pairs =
@@ -442,9 +442,10 @@ Decision drop_voting_losses() {
 
 std::vector<Decision> drop_thickness_losses(const TrainOptions& options) {
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
-    const char* const why = backbone->flat()                ? "the splats are flat"
-                            : backbone->fades_thin_splats() ? "the rasteriser fades thin splats"
-                                                            : nullptr;
+    const char* const why = backbone->traits.flat ? "the splats are flat"
+                            : backbone->traits.fades_thin_splats
+                                ? "the rasteriser fades thin splats"
+                                : nullptr;
     std::vector<Decision> dropped;
     for (const TermOnList& term : terms_on_list(options.loss))
         if (why != nullptr && term.needs.thickness && term.weight > 0)

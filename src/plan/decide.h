@@ -32,7 +32,7 @@ std::vector<Decision> decide_masks(const MaskLook& look);
 /// chosen.
 Decision decide_cloud(const SceneLook& look, bool dense);
 
-/// Whether a sky is drawn behind the splats. `share`: SkyLook::share.
+/// Whether a sky is drawn behind the splats. `share`: SkyDetection::share.
 Decision decide_sky(double share);
 
 /// States that the training is planned for `given` points per pixel instead of the measured ones.

@@ -141,7 +141,7 @@ BorderColor border_color(const std::vector<View>& views) {
 SceneLook look_at(const Scene& scene,
                   const ViewPairOptions& limits,
                   bool masks,
-                  const SkyLook& sky) {
+                  const SkyDetection& sky) {
     const std::vector<Vec3f>& points = scene.points.positions;
     constexpr std::size_t kSample = 4000;  // points: a median to 1 or 2 %
     constexpr double kLeastShare = 0.01;
@@ -208,7 +208,7 @@ SceneLook look_at(const Scene& scene,
     ViewPairOptions relative = limits;
     relative.limits = PairLimits::relative;  // independent of the unit
     look.views_in_pairs = share_with_pair(scene, relative);
-    relative.lone_angle_deg = std::max(relative.lone_angle_deg, kWideAngleDeg);
+    relative.fallback_angle_deg = std::max(relative.fallback_angle_deg, kWideAngleDeg);
     look.views_in_wide_pairs = share_with_pair(scene, relative);
     return look;
 }

@@ -41,7 +41,7 @@ struct SceneLook {
 SceneLook look_at(const Scene& scene,
                   const ViewPairOptions& limits,
                   bool masks = false,
-                  const SkyLook& sky = {});
+                  const SkyDetection& sky = {});
 
 struct MaskLook {
     int views = 0, masked = 0;  // training views; those with a mask

@@ -219,7 +219,7 @@ MemoryPlan estimate_memory(const Scene& scene,
         most = std::max(most, photo_bytes(v) + mask_bytes(v, needs));
     }
     // All photographs, or a few with their grey images.
-    buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
+    buffers.fixed = (all ? photos : views_in_use(needs) * (most + largest_view(scene))) +
                     per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn);
 
     // Two checkpoints are in memory while the next one is made.

@@ -144,7 +144,7 @@ struct BackboneTraits {
     bool fades_thin_splats = false;  // below a pixel, so that no loss should flatten splats
     float low_pass_px2 = 0;          // added to the covariances of ellipses; viewers need it
     bool fuses = false;              // implements blend_backward()
-    bool moves_cameras = false;      // implements add_camera_gradient()
+    bool has_camera_gradient = false;  // implements add_camera_gradient()
 };
 
 struct FusedGradients;  // fused_gradients.h
@@ -201,7 +201,7 @@ public:
         return nullptr;
     }
 
-    /// Adds dL/d of the camera of the last forward() to `sum`, the kCameraNumbers numbers of a
+    /// Adds dL/d of the camera of the last forward() to `sum`, the kCameraParameters numbers of a
     /// CameraGradient on the device. Overwrites results of backward(), so call backward() after it.
     virtual void add_camera_gradient(const Gaussians<Device>& /*gaussians*/,
                                      const ImageGradients<Device>& /*dL_dimages*/,

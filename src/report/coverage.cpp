@@ -87,11 +87,11 @@ public:
 
     JsonValue json() {
         if (train_.empty() || train_.size() > kMaxCoverageViews) return {};
-        look_at_pairs();
+        compare_pairs();
         JsonValue views = JsonValue::list();
         int cells = 0, lone = 0;
         for (std::size_t v = 0; v < train_.size(); ++v) {
-            cells += cells_[v], lone += lone_cells(v);
+            cells += cells_[v], lone += single_view_cells(v);
             views.items.push_back(view_json(v));
         }
         if (cells == 0) return {};
@@ -108,9 +108,9 @@ private:
     double shared(std::size_t a, std::size_t b) {
         return cells_[a] > 0 ? static_cast<double>(pair(a, b).shared) / cells_[a] : 0;
     }
-    int lone_cells(std::size_t v) const { return halves_[v][4]; }
+    int single_view_cells(std::size_t v) const { return halves_[v][4]; }
 
-    void look_at_pairs() {
+    void compare_pairs() {
         const std::size_t n = train_.size();
         std::vector<Grid> grids;
         for (std::size_t v = 0; v < n; ++v)
@@ -143,7 +143,7 @@ private:
 
     JsonValue view_json(std::size_t v) {
         JsonValue json = JsonValue::object();
-        const int lone = lone_cells(v);
+        const int lone = single_view_cells(v);
         json.set("name", train_[v]->name);
         json.set("lone", cells_[v] > 0 ? static_cast<double>(lone) / cells_[v] : 1.0);
         const auto most = std::max_element(halves_[v].begin(), halves_[v].begin() + 4);

@@ -119,7 +119,7 @@ public:
     void add(const Leaves& leaves, const std::set<std::string>& planned) {
         for (const auto& [key, value] : leaves) {
             values_[key].insert(value);
-            if (!planned.contains(key)) asked_for_.insert(key);
+            if (!planned.contains(key)) user_keys_.insert(key);
         }
     }
     /// Adds keys with several values. Skips keys that the plan set in all runs, and keys rejected
@@ -127,12 +127,12 @@ public:
     template <class Counts>
     void add_differing(Keys& keys, const Counts& counts) const {
         for (const auto& [key, found] : values_)
-            if (found.size() > 1 && asked_for_.contains(key) && counts(key)) keys.insert(key);
+            if (found.size() > 1 && user_keys_.contains(key) && counts(key)) keys.insert(key);
     }
 
 private:
     std::map<std::string, std::set<std::string>> values_;
-    std::set<std::string> asked_for_;
+    std::set<std::string> user_keys_;
 };
 
 }  // namespace

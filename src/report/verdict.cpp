@@ -16,7 +16,7 @@ namespace {
 
 // Where a level begins. Conventions, not laws; the page says them beside what it calls so.
 constexpr double kGoodF1 = 0.8, kFairF1 = 0.5;  // at the middle threshold
-constexpr double kMuchLone = 0.25;              // share of what is shown, seen by one view only
+constexpr double kMuchSingleView = 0.25;        // share of what is shown, seen by one view only
 constexpr double kFewShared = 0.2;              // share of a view that its best partner sees
 constexpr double kWideGapDeg = 30;              // between neighbours; stereo weakens from there
 constexpr std::size_t kNames = 3;               // of views in a sentence
@@ -142,7 +142,7 @@ private:
                       number(summary_["iteration"], 6), " of ",
                       number(report_["config"]["iterations"], 6), " iterations."));
         far_test_views();
-        if (const JsonValue& two = coverage_["two"]; two.number_or(1) < 1 - kMuchLone)
+        if (const JsonValue& two = coverage_["two"]; two.number_or(1) < 1 - kMuchSingleView)
             limit(str(percent(1 - two.number),
                       " of the surface in the training views is seen by a single view: no second "
                       "view checks its depth."));
@@ -268,7 +268,7 @@ private:
         for (const JsonValue& view : coverage_["views"].items)
             if (most == nullptr || view["lone"].number_or(0) > (*most)["lone"].number_or(0))
                 most = &view;
-        if (most != nullptr && (*most)["lone"].number_or(0) >= kMuchLone) {
+        if (most != nullptr && (*most)["lone"].number_or(0) >= kMuchSingleView) {
             const std::string side = (*most)["side"].text;
             v_.next.push_back(str("The part that only ", (*most)["name"].text, " sees, ",
                                   percent((*most)["lone"].number), " of its surface",

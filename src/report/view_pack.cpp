@@ -53,7 +53,7 @@ double bytes_per_splat(const Gaussians<Cpu>& g) {
 }
 
 /// Drops most splats that cannot fit, to avoid packing millions of splats repeatedly.
-void leave_out_much(Gaussians<Cpu>& g, std::size_t max_bytes) {
+void drop_excess(Gaussians<Cpu>& g, std::size_t max_bytes) {
     constexpr double kFar = 1.25;  // packing may be this much better than the estimate
     if (g.size() < kRuns * kRun) return;
     const double most = kFar * static_cast<double>(max_bytes);
@@ -73,7 +73,7 @@ PackedSplats pack_splats(Gaussians<Cpu> g, std::size_t max_bytes, int max_splats
     packed.of = g.size(), packed.of_degree = g.sh_degree;
     keep_largest(g, static_cast<std::size_t>(max_splats));
     sort_by_place(g);  // neighbours are similar, which compresses well
-    leave_out_much(g, max_bytes);
+    drop_excess(g, max_bytes);
     while (g.size() > 0) {
         packed.bytes = spz_bytes(g, kFormat, "the page's splats");
         if (packed.bytes.size() <= max_bytes) break;

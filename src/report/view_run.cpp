@@ -121,7 +121,7 @@ void add_some_photographs(std::vector<ViewCamera>& cameras, const Scene& scene) 
 }
 
 /// The truth that the run was measured against, in training or by tvsgs-eval run.
-EvaluationOptions measured_against(const EvaluationOptions& of_run, const std::string& run) {
+EvaluationOptions truth_options(const EvaluationOptions& of_run, const std::string& run) {
     if (!of_run.gt.empty()) return of_run;
     EvaluationOptions options = of_run;
     for (const char* name : {"geometry", "geometry_centres"}) {
@@ -172,8 +172,8 @@ ViewRun read_run(const std::string& path,
     if (input.gt.empty()) {
         if_possible(
             "colours by error",
-            [&] { run.truth = read_truth(measured_against(options.eval, path), origin); },
-            input.whole, missing);
+            [&] { run.truth = read_truth(truth_options(options.eval, path), origin); }, input.whole,
+            missing);
     } else {
         EvaluationOptions measure;
         measure.gt = input.gt, measure.crop = input.crop;

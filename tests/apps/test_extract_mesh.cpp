@@ -161,7 +161,7 @@ TEST_F(ExtractMesh, OneViewIsTrustedBesideJumpsUpToALimit) {
     const std::string flags = "--mesh-resolution 120 --truncation 0.25 --no-preview --set ";
     std::size_t vertices = 0;
     for (const char* limit : {"0.01", "1000"}) {
-        const Result r = extract(flags + "mesh.lone_jump_px=" + limit);
+        const Result r = extract(flags + "mesh.single_view_jump_px=" + limit);
         ASSERT_EQ(r.code, 0) << r;
         EXPECT_GT(radii().size(), vertices);
         vertices = radii().size();
@@ -440,7 +440,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.smooth, 0);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
         EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
-        EXPECT_EQ(mesh.meshers.tsdf.lone_views, LoneViews::all);
+        EXPECT_EQ(mesh.meshers.tsdf.single_view, SingleView::all);
     }
 }
 

@@ -208,9 +208,9 @@ TEST_F(ResumeCommand, WhatIsRefusedLeavesTheRunAsItWas) {
 TEST_F(ResumeCommand, SparesOnlyWhatTheStateKnows) {
     ASSERT_EQ(train("--config config.json --out bare --iterations 20").code, 0);
     const std::string before = contents(folder_ / "bare/config.json");
-    const Result r = train("--resume bare --iterations 30 --set densify.spare_covered=0.5");
+    const Result r = train("--resume bare --iterations 30 --set densify.growth_in_gaps_only=0.5");
     EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("densify.spare_covered = 0.5")) << r;
+    EXPECT_TRUE(r.says("densify.growth_in_gaps_only = 0.5")) << r;
     EXPECT_EQ(contents(folder_ / "bare/config.json"), before);
 }
 

@@ -91,7 +91,7 @@ TEST(ParallelLists, AreThoseOfOneThread) {
             values[i] = 0.5 * static_cast<double>(i);
             if (is_in(i)) expected.push_back(static_cast<int>(i)), some.push_back(values[i]);
         }
-        const std::vector<int> numbers = numbers_where(count, is_in);
+        const std::vector<int> numbers = indices_where(count, is_in);
         EXPECT_EQ(numbers, expected) << count;
         EXPECT_EQ(taken(values, numbers), some) << count;
     }

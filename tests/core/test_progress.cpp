@@ -15,7 +15,7 @@ namespace tvsgs {
 namespace {
 
 TEST(Paces, SayNothingWithoutABasis) {
-    Pace pace;
+    ProgressRate pace;
     EXPECT_TRUE(std::isnan(pace.left(100)));
     pace.add(5, 1);  // a slow first step
     EXPECT_TRUE(std::isnan(pace.left(100)));
@@ -25,13 +25,13 @@ TEST(Paces, SayNothingWithoutABasis) {
     // 51 steps in 2 s; the first one, which took 5, does not count.
     EXPECT_NEAR(pace.left(100), 48 * 2.0 / 51, 1e-9);
     EXPECT_EQ(pace.left(40), 0) << "never below";
-    Pace stuck;
+    ProgressRate stuck;
     stuck.add(0, 3), stuck.add(10, 3);
     EXPECT_TRUE(std::isnan(stuck.left(10))) << "nothing was done";
 }
 
 TEST(Paces, GoByWhatWasSeenLately) {
-    Pace pace;
+    ProgressRate pace;
     for (int i = 0; i <= 20; ++i) pace.add(i, 100 * i);           // 100 a second
     for (int i = 21; i <= 60; ++i) pace.add(i, 2000 + (i - 20));  // then 1
     EXPECT_NEAR(pace.left(2050), 10, 0.5);

@@ -60,15 +60,15 @@ TEST_F(AtomicFileTest, ReplacesNothingButOurs) {
         EXPECT_EQ(read_bytes(path), ours ? "new" : text);
     }
     write_text_file(write("empty.txt", ""), "new");  // as mktemp creates it
-    list_results(folder / "results", {"a.txt", "maps"});
+    create_results_folder(folder / "results", {"a.txt", "maps"});
     const std::string listed = (folder / "results/a.txt").string();
     write_text_file(listed, "new");
     write_text_file(listed, "newer");
     EXPECT_EQ(read_bytes(listed), "newer");
-    list_results(folder / "results", {"a.txt", "maps"});
+    create_results_folder(folder / "results", {"a.txt", "maps"});
     write("results/maps/b.txt", kOld);  // the manifest of such a folder decides
     expect_error(ExitCode::usage, "b.txt: already exists and is not ours", [&] {
-        list_results(folder / "results", {"a.txt", "maps"});
+        create_results_folder(folder / "results", {"a.txt", "maps"});
     });
 }
 

@@ -140,18 +140,18 @@ TEST(PriorFit, TellsMoreThanOneDepthForAll) {
     // Depths of 2 to 6 beside 4.
     PriorSamples samples = samples_of(Q::depth, G::z, 1.7, 0.3, 2000);
     EXPECT_NEAR(fit_prior(samples, affine).residual_of_constant, 0.23, 0.02);
-    EXPECT_FALSE(tells_nothing(fit_prior(samples, affine)));
+    EXPECT_FALSE(is_uninformative(fit_prior(samples, affine)));
     test::Random random(3);
     PriorSamples mixed = samples;
     for (PriorSample& s : mixed) s.value = 0.3 * s.value + random.uniform(0, 2);
-    EXPECT_TRUE(tells_nothing(fit_prior(mixed, affine)));
+    EXPECT_TRUE(is_uninformative(fit_prior(mixed, affine)));
     // Numbers with noise of a tenth of the depth range still explain most of it.
     for (PriorSample& s : samples) s.value += 0.2 * random.normal3().x;
-    EXPECT_FALSE(tells_nothing(fit_prior(samples, affine)));
+    EXPECT_FALSE(is_uninformative(fit_prior(samples, affine)));
     const PriorFit none, wall{true, 1, 0, 0.009, 0.009}, most{true, 1, 0, 0.066, 0.1};
-    EXPECT_FALSE(tells_nothing(none));
-    EXPECT_FALSE(tells_nothing(wall));
-    EXPECT_TRUE(tells_nothing(most));
+    EXPECT_FALSE(is_uninformative(none));
+    EXPECT_FALSE(is_uninformative(wall));
+    EXPECT_TRUE(is_uninformative(most));
 }
 
 TEST(PriorDepth, IsNoneWhereThereIsNone) {
@@ -351,15 +351,15 @@ TEST(PriorAgreement, AgainstOneNormalForAll) {
     const PriorAgreement right = agreement_of(samples, usual);
     EXPECT_NEAR(right.cosine, 1, 1e-9);
     EXPECT_NEAR(right.cosine_of_constant, 0.5, 0.02);  // the mean of a half sphere
-    EXPECT_FALSE(tells_nothing(right));
+    EXPECT_FALSE(is_uninformative(right));
     std::vector<NormalSample> mixed = samples;
     for (std::size_t i = 0; i < mixed.size(); ++i)
         mixed[i].found = samples[(i + 7) % samples.size()].found;
     EXPECT_NEAR(agreement_of(mixed, usual).cosine, 0.25, 0.03);  // independent: its square
-    EXPECT_TRUE(tells_nothing(agreement_of(mixed, usual)));
+    EXPECT_TRUE(is_uninformative(agreement_of(mixed, usual)));
     // A wall: one normal fits all points, and a map of the wall must not be rejected.
-    EXPECT_FALSE(tells_nothing(PriorAgreement{0.9, 0.95}));
-    EXPECT_FALSE(tells_nothing(agreement_of({samples.begin(), samples.begin() + 49}, usual)));
+    EXPECT_FALSE(is_uninformative(PriorAgreement{0.9, 0.95}));
+    EXPECT_FALSE(is_uninformative(agreement_of({samples.begin(), samples.begin() + 49}, usual)));
 }
 
 TEST(ChooseNormals, RefusesWhatIsDeclaredOtherwise) {

@@ -44,7 +44,7 @@ AnchoredResult evaluate(const AnchoredCase& c, std::size_t resume_before = 1000)
     };
     std::vector<std::unique_ptr<Backbone<Device>>> backbones;
     backbones.push_back(std::make_unique<PreparedImages<Device>>(c.other));
-    OtherViews<Device> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
+    NeighbourViews<Device> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
 
     Objective<Device> objective;
     objective.dL_dimages.depth.resize(c.reference.depth.size());
@@ -69,7 +69,7 @@ AnchoredResult evaluate(const AnchoredCase& c, std::size_t resume_before = 1000)
         add_map(prior_map::kDepthOrder, c.order, c.order_scales.empty() ? 1 : c.order_scales[i]);
         add_map(prior_map::kConfidence, c.confidence, 1);
         RenderedImages<Device> images = upload_maps<Device>(scaled);
-        const bool looks = !c.alone && loss->needs_at(step, 0).other_views > 0;
+        const bool looks = !c.alone && loss->needs_at(step, 0).neighbour_views > 0;
         if (looks) {
             others.begin(step, 0, views, gaussians);
             others.compare(images);

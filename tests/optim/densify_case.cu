@@ -2,8 +2,8 @@
 
 namespace tvsgs::test {
 
-DensifyResult densify_case_cuda(GrowthRule rule, float spare_covered) {
-    return densify_case<Cuda>(rule, spare_covered);
+DensifyResult densify_case_cuda(GrowthRule rule, float growth_in_gaps_only) {
+    return densify_case<Cuda>(rule, growth_in_gaps_only);
 }
 
 }  // namespace tvsgs::test

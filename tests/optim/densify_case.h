@@ -13,7 +13,7 @@ struct DensifyResult {
 
 /// With the rule `quantile` the splats also have a filter.
 template <class Device>
-DensifyResult densify_case(GrowthRule rule, float spare_covered) {
+DensifyResult densify_case(GrowthRule rule, float growth_in_gaps_only) {
     const int n = 1000;
     Random random(31);
     const auto draw = [&](double low, double high) {
@@ -45,9 +45,9 @@ DensifyResult densify_case(GrowthRule rule, float spare_covered) {
     options.rule = rule;
     options.max_abs_split = 30;
     options.percent_dense = 0.08f;
-    options.spare_covered = spare_covered;
+    options.growth_in_gaps_only = growth_in_gaps_only;
     Densifier<Device> densifier(options, 1, 7);
-    if (spare_covered > 0) {
+    if (growth_in_gaps_only > 0) {
         std::vector<float> open;
         for (int i = 0; i < n; ++i) open.push_back(static_cast<float>(i % 3) / 2);
         densifier.set_open(open);
@@ -74,6 +74,6 @@ DensifyResult densify_case(GrowthRule rule, float spare_covered) {
 }
 
 /// densify_case<Cuda>, compiled by nvcc.
-DensifyResult densify_case_cuda(GrowthRule rule, float spare_covered);
+DensifyResult densify_case_cuda(GrowthRule rule, float growth_in_gaps_only);
 
 }  // namespace tvsgs::test

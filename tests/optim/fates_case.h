@@ -63,7 +63,7 @@ FatesResult evaluate(const FatesCase& c) {
     copy(c.depth, images.depth);
     copy(c.transmittance, images.transmittance);
     std::vector<std::unique_ptr<Backbone<Device>>> backbones(2);  // no neighbour view is rendered
-    OtherViews<Device> others({{pairs}, c.min_depth}, std::move(backbones), 5);
+    NeighbourViews<Device> others({{pairs}, c.min_depth}, std::move(backbones), 5);
     others.begin(c.step, 0, views, gaussians);
     others.compare(images);
 

@@ -134,11 +134,11 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
     views.push_back(upload_view<Device>(c.other, 1));
     std::vector<std::unique_ptr<Backbone<Device>>> backbones;
     backbones.push_back(std::make_unique<PreparedImages<Device>>(c.other));
-    OtherViews<Device> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
+    NeighbourViews<Device> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
     const RenderedImages<Device> images = upload_maps<Device>(c.reference);
     others.begin(1, 0, views, gaussians);
     others.compare(images);
-    const OtherView<Device>& other = others[0];
+    const NeighbourView<Device>& other = others[0];
 
     Objective<Device> objective;
     objective.dL_dimages.normal.resize(c.reference.normal.size());

@@ -17,7 +17,7 @@ CameraOptions refining() {
 }
 
 std::vector<double> random_gradients(int views, Random& random) {
-    std::vector<double> g(static_cast<std::size_t>(kCameraNumbers * views));
+    std::vector<double> g(static_cast<std::size_t>(kCameraParameters * views));
     for (double& value : g) value = random.normal();
     return g;
 }
@@ -99,8 +99,8 @@ TEST(CameraRefinement, Bounds) {
 TEST(CameraRefinement, WhatIsNotFiniteMovesNothing) {
     const Scene scene = rendered_scene();
     CameraRefinement with(scene, refining()), without(scene, refining());
-    std::vector<double> g(3 * kCameraNumbers, 0);
-    for (std::size_t k = kCameraNumbers; k < g.size(); ++k) g[k] = static_cast<double>(k);
+    std::vector<double> g(3 * kCameraParameters, 0);
+    for (std::size_t k = kCameraParameters; k < g.size(); ++k) g[k] = static_cast<double>(k);
     without.step(g, 0.1);
     g[2] = NAN, g[5] = INFINITY;
     with.step(g, 0.1);
@@ -115,7 +115,7 @@ TEST(CameraRefinement, ThePriorPullsBack) {
     Random random(6);
     for (int i = 0; i < 10; ++i) refined.step(random_gradients(3, random), 0.2);
     const double before = refined.move(1).turn_px + refined.move(1).shift_px;
-    const std::vector<double> none(3 * kCameraNumbers, 0);
+    const std::vector<double> none(3 * kCameraParameters, 0);
     for (int i = 0; i < 200; ++i) refined.step(none, 0.02);
     EXPECT_LT(refined.move(1).turn_px + refined.move(1).shift_px, 0.3 * before);
 }
@@ -125,16 +125,16 @@ TEST(CameraRefinement, RestoresAndRefusesOthers) {
     CameraRefinement one(scene, refining()), two(scene, refining());
     Random random(7);
     one.step(random_gradients(3, random), 0.1);
-    two.restore(one.numbers(), 3 * kCameraNumbers);
+    two.restore(one.numbers(), 3 * kCameraParameters);
     const std::vector<double> g = random_gradients(3, random);
     one.step(g, 0.1), two.step(g, 0.1);
     EXPECT_EQ(one.numbers(), two.numbers());
     EXPECT_EQ(0, std::memcmp(one.cameras().data(), two.cameras().data(), 3 * sizeof(Camera)));
-    EXPECT_THROW(two.restore({1, 2, 3}, 3 * kCameraNumbers), Error);
+    EXPECT_THROW(two.restore({1, 2, 3}, 3 * kCameraParameters), Error);
     EXPECT_THROW(two.restore(one.numbers(), 4), Error);
     std::vector<double> broken = one.numbers();
     broken[3] = NAN;
-    EXPECT_THROW(two.restore(broken, 3 * kCameraNumbers), Error);
+    EXPECT_THROW(two.restore(broken, 3 * kCameraParameters), Error);
 }
 
 // Trainings.

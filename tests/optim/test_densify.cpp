@@ -432,13 +432,13 @@ TEST(Densify, NewSplatsHaveNoSupport) {
 class DensifyTwins : public testing::TestWithParam<std::tuple<GrowthRule, float>> {};
 
 TEST_P(DensifyTwins, CpuAgainstCuda) {
-    const auto [rule, spare_covered] = GetParam();
-    const test::DensifyResult a = test::densify_case<Cpu>(rule, spare_covered);
+    const auto [rule, growth_in_gaps_only] = GetParam();
+    const test::DensifyResult a = test::densify_case<Cpu>(rule, growth_in_gaps_only);
     EXPECT_GT(a.parents.size(), 1200u) << "growth and trims both leave something to compare";
     EXPECT_LT(a.parents.size(), 2700u);
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
-        const test::DensifyResult b = test::densify_case_cuda(rule, spare_covered);
+        const test::DensifyResult b = test::densify_case_cuda(rule, growth_in_gaps_only);
         EXPECT_EQ(a.parents, b.parents);
         for (auto part : {&test::DensifyResult::gaussians, &test::DensifyResult::first_moments,
                           &test::DensifyResult::second_moments}) {

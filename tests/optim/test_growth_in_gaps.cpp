@@ -116,7 +116,7 @@ TEST(OpenShares, NeitherFlatPlacesNorRimsNorWhatMasksLeaveOutAreOpen) {
 
 TEST(GrowthInGaps, WeighsWhatDecidesAboutEachSplat) {
     DensifyOptions o = options_without_trim();
-    o.spare_covered = 0.5f;  // the weights are 0.5, 0.625, 0.75
+    o.growth_in_gaps_only = 0.5f;  // the weights are 0.5, 0.625, 0.75
     const std::vector<float> open{0, 0.5f, 1};
     const float t = o.gradient_threshold;
     const auto parents = [&](const auto& change) {
@@ -155,7 +155,8 @@ TEST(GrowthInGaps, WeighsWhatDecidesAboutEachSplat) {
 
 TEST(GrowthInGaps, TrimsAndResetsByDegrees) {
     DensifyOptions o = options_without_trim();
-    o.spare_covered = 0.5f, o.trim_min_views = 2;  // times the weights: 1, 1.25, 1.5, 1.5 views
+    o.growth_in_gaps_only = 0.5f,
+    o.trim_min_views = 2;  // times the weights: 1, 1.25, 1.5, 1.5 views
     Model model(4);
     for (std::size_t i = 0; i < 4; ++i) model.g.opacity_logits[i] = 3;
     Densifier<Cpu> densifier(o, 1, 0);
@@ -176,7 +177,7 @@ TEST(GrowthInGaps, TrimsAndResetsByDegrees) {
 
 TEST(GrowthInGaps, ChildrenInheritWhatIsOpen) {
     DensifyOptions o = options_without_trim();
-    o.spare_covered = 0.5f;
+    o.growth_in_gaps_only = 0.5f;
     Model model(3);
     Densifier<Cpu> densifier(o, 1, 0);
     densifier.set_open({0, 1, 0});
@@ -198,15 +199,15 @@ TEST(GrowthInGaps, ChildrenInheritWhatIsOpen) {
         model.screen.dL_dmeans2d[i] = {1.7f * o.gradient_threshold, 0};
     resumed.step(600, model.screen, model.g, model.adam, kNoViews);
     EXPECT_EQ(model.g.means.size(), 10u) << "0, eight of 1, 2";
-    o.spare_covered = 1;
+    o.growth_in_gaps_only = 1;
     const Densifier<Cpu> covered(o, 1, 0);
     EXPECT_FALSE(covered.may_change_structure(600) || covered.resets_opacity(3000));
 }
 
 /// Splats after a training from these initial points, with everything on.
-std::vector<Vec3f> trained(const Scene& scene, bool grows, float spare_covered) {
+std::vector<Vec3f> trained(const Scene& scene, bool grows, float growth_in_gaps_only) {
     TrainOptions o = test::everything_on(34);
-    o.densify.enabled = grows, o.densify.spare_covered = spare_covered;
+    o.densify.enabled = grows, o.densify.growth_in_gaps_only = growth_in_gaps_only;
     return to_host(train<Cpu>(scene, o, {}).means);
 }
 bool same(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {

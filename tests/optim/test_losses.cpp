@@ -371,7 +371,7 @@ TEST(LossList, HasATermForAllOptions) {
     EXPECT_TRUE(needs_of(options).grey);
     options.multi_view_ncc.weight = options.features.weight = options.anchored_depth.weight = 0;
     EXPECT_FALSE(needs_of(options).grey);
-    EXPECT_EQ(needs_of(options).other_views, 1);
+    EXPECT_EQ(needs_of(options).neighbour_views, 1);
 }
 
 TEST(LossList, MultiViewTermsStartWithTheGeometry) {
@@ -384,7 +384,7 @@ TEST(LossList, MultiViewTermsStartWithTheGeometry) {
         EXPECT_FALSE(loss->active(7000));
         EXPECT_TRUE(loss->active(7001));
     }
-    EXPECT_EQ(losses[0]->needs().other_views, 0);
+    EXPECT_EQ(losses[0]->needs().neighbour_views, 0);
     EXPECT_EQ(losses[1]->needs().rendered_views, 1);
     EXPECT_EQ(losses[2]->needs().rendered_views, 1);
 }

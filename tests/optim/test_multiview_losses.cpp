@@ -292,7 +292,7 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
     auto backbone = make_backbone<Cpu>("ewa", {});
     std::vector<std::unique_ptr<Backbone<Cpu>>> backbones;
     backbones.push_back(make_backbone<Cpu>("ewa", {}));
-    OtherViews<Cpu> others({{{1, 2}, {0, 2}, {0, 1}}, 0.1f}, std::move(backbones), 5);
+    NeighbourViews<Cpu> others({{{1, 2}, {0, 2}, {0, 1}}, 0.1f}, std::move(backbones), 5);
     LossOptions options;
     options.photometric.weight = 0;
     options.multi_view_geometry = {0.03f, 1};

@@ -33,7 +33,7 @@ private:
 };
 
 /// Three neighbour views, the first one rendered; views are paired with four, one and no others.
-TEST(OtherViews, AreDifferentAndOnlyRenderedWhereAsked) {
+TEST(NeighbourViews, AreDifferentAndOnlyRenderedWhereAsked) {
     std::vector<DeviceView<Cpu>> views(5);
     for (int i = 0; i < 5; ++i) {
         views[static_cast<std::size_t>(i)].index = i;
@@ -43,7 +43,7 @@ TEST(OtherViews, AreDifferentAndOnlyRenderedWhereAsked) {
     std::vector<std::unique_ptr<Backbone<Cpu>>> backbones(3), one(1);
     backbones[0] = std::make_unique<CountingBackbone>(forwards);
     const ViewPairs pairs{{{1, 2, 3, 4}, {0}, {}}, 0.1f};
-    OtherViews<Cpu> three(pairs, std::move(backbones), 7), single(pairs, std::move(one), 7);
+    NeighbourViews<Cpu> three(pairs, std::move(backbones), 7), single(pairs, std::move(one), 7);
     std::set<std::vector<int>> seen;
     const Gaussians<Cpu> none;
     for (int step = 1; step <= 200; ++step) {

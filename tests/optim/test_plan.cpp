@@ -158,11 +158,12 @@ TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
     for (int i = 0; i < 300; ++i) {
         const Settings on_the_way = by_cloud(0.02 + 0.08 / 300 * i);
         EXPECT_TRUE(sets(on_the_way, "densify.enabled", "true")) << i;
-        EXPECT_NEAR(value_of(on_the_way, "densify.spare_covered", -1), i / 300., 1e-4);
+        EXPECT_NEAR(value_of(on_the_way, "densify.growth_in_gaps_only", -1), i / 300., 1e-4);
     }
     const Settings full = by_cloud(0.1);
     EXPECT_TRUE(sets(full, "densify.enabled", "false"));
-    EXPECT_EQ(value_of(full, "densify.spare_covered", -1), -1) << "growth on request is whole";
+    EXPECT_EQ(value_of(full, "densify.growth_in_gaps_only", -1), -1)
+        << "growth on request is whole";
     // The limit decreases from infinity to 16 pixels.
     double before = 0;
     for (int i = 1; i <= 301; ++i) {
@@ -270,7 +271,8 @@ TEST(Plan, OneOfManyViewsIsTrustedFurther) {
     const auto expect = [&](int views, const char* jump_px) {
         look.train_views = views;
         const auto plan = plan_of(look);
-        EXPECT_TRUE(sets(settings(plan, "single views"), "mesh.lone_jump_px", jump_px)) << views;
+        EXPECT_TRUE(sets(settings(plan, "single views"), "mesh.single_view_jump_px", jump_px))
+            << views;
     };
     expect(1, "0.1");
     expect(3, "0.1");
@@ -356,7 +358,7 @@ TEST(Plan, MultiViewLossesWhereAViewHasAnother) {
     for (const auto& [step_deg, on] : {std::pair(29.0, true), {36.0, true}, {38.0, false}}) {
         const auto plan = plan_of(look_of(patch_scene(3, step_deg, 3600)));
         EXPECT_EQ(choice(plan, "multi-view"), on ? "100 %" : "off");
-        EXPECT_TRUE(sets(settings(plan, "multi-view"), "loss.multi_view.lone_angle_deg", "37"));
+        EXPECT_TRUE(sets(settings(plan, "multi-view"), "loss.multi_view.fallback_angle_deg", "37"));
         EXPECT_TRUE(
             sets(settings(plan, "multi-view"), "loss.multi_view_ncc.weight", on ? "0.5" : "0"));
     }

@@ -15,7 +15,7 @@ using test::rendered_scene;
 TrainOptions everything_on(int iterations) {
     TrainOptions options = test::everything_on(iterations);
     options.densify.max_gaussians = 250;  // for short tests
-    options.densify.spare_covered = 0.5f;
+    options.densify.growth_in_gaps_only = 0.5f;
     return options;
 }
 

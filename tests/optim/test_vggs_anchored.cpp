@@ -53,7 +53,7 @@ TEST(AnchorConfidence, IsAgreementTimesResemblance) {
     views.push_back(test::upload_view<Cpu>(c.other, 1));
     std::vector<std::unique_ptr<Backbone<Cpu>>> backbones;
     backbones.push_back(std::make_unique<test::PreparedImages<Cpu>>(c.other));
-    OtherViews<Cpu> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
+    NeighbourViews<Cpu> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
     const RenderedImages<Cpu> images = test::upload_maps<Cpu>(c.reference);
     others.begin(1, 0, views, gaussians);
     others.compare(images);

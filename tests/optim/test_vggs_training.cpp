@@ -111,12 +111,12 @@ TEST(TrainingWithPriors, GoesOnWithTheSameBitsOnCuda) {
 TEST(TrainingWithPriors, OtherViewsAreWantedWhereATargetIsDue) {
     const TrainOptions o = with_priors(40);
     const auto losses = make_losses<Cpu>(o.loss, {.views = 7});
-    EXPECT_EQ(needs_at(losses, 4, 0, true).other_views, 0);
+    EXPECT_EQ(needs_at(losses, 4, 0, true).neighbour_views, 0);
     EXPECT_EQ(needs_at(losses, 5, 0, true).rendered_views, 1);
     EXPECT_TRUE(has(needs_at(losses, 5, 0, true).maps, Maps::normal));
     EXPECT_TRUE(needs_at(losses, 5, 0, true).grey);
     // A view that is paired with none.
-    EXPECT_EQ(needs_at(losses, 5, 0, false).other_views, 0);
+    EXPECT_EQ(needs_at(losses, 5, 0, false).neighbour_views, 0);
 }
 
 }  // namespace

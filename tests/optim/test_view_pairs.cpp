@@ -48,12 +48,12 @@ TEST(Neighbours, ViewsWithoutOneLookFarther) {
     scene.train = {view_at({0, 0, 0}), view_at({1, 0, 0}), view_at({0.3f, 0, 0}, 36),
                    view_at({0.6f, 0, 0}, -38)};
     ViewPairOptions options;
-    options.lone_angle_deg = 37;
+    options.fallback_angle_deg = 37;
     const Lists lists = select_view_pairs(scene, options).of_view;
     EXPECT_EQ(lists[0], std::vector<int>{1}) << "has one: the turned ones stay too far";
     EXPECT_EQ(lists[2], (std::vector<int>{0, 1}));
     EXPECT_TRUE(lists[3].empty());
-    options.lone_angle_deg = 20;
+    options.fallback_angle_deg = 20;
     EXPECT_TRUE(select_view_pairs(scene, options).of_view[2].empty());
 }
 

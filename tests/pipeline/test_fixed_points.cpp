@@ -56,7 +56,7 @@ Scene scene(int initial = 20000, std::vector<Vec3f> fixed = samples(1500, 2)) {
 }
 
 std::string verdict(const Scene& scene) {
-    const FixedPointsLook look = look_at_fixed_points(scene);
+    const FixedPointsAgreement look = compare_fixed_points(scene);
     try {
         check_fixed_points(look, scene.fixed_voters.positions.size(), "scan.ply");
     } catch (const Error& error) {

@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 #include "core/scene/pixel_file.h"
-#include "core/scene/sight_limits.h"
+#include "core/scene/view_frustum.h"
 #include "mesh/mend/mesh_evidence.h"
 #include "optim/growth/init.h"
 #include "optim/training_scene.h"
@@ -93,12 +93,12 @@ Camera random_camera(test::Random& random) {
     return camera;
 }
 
-TEST(SightLimits, NothingInViewIsMissed) {
+TEST(ViewFrustum, NothingInViewIsMissed) {
     test::Random random(5);
     int missed = 0, seen = 0;
     for (int i = 0; i < 4000; ++i) {
         const Camera camera = random_camera(random);
-        const SightLimits limits(camera);
+        const ViewFrustum limits(camera);
         const Vec3f middle = vec_cast<float>(4.0 * random.normal3());
         const float size = static_cast<float>(random.uniform(0.01, 2));
         Box3f box;
@@ -189,7 +189,7 @@ TEST(Evidence, OfRunsThatAViewMissesIsWhatEachSampleSays) {
     const SampleRuns runs(samples);
     for (const EvidenceView& view : views)
         for (int run = 0; run < runs.count(); ++run)
-            missed += runs.misses(SightLimits(view.camera), run);
+            missed += runs.misses(ViewFrustum(view.camera), run);
     EXPECT_GT(said, 1000u);
     EXPECT_GT(missed, 60u);
 }

@@ -54,7 +54,8 @@ TEST(CheckMasks, RefusesWhatCannotBeMeant) {
         EXPECT_EQ(refusal(use, {none, black}), "");
     View lens = good;
     for (std::uint8_t& value : lens.mask.pixels) value = value > 0 ? 255 : kNoPhoto;
-    EXPECT_NE(refusal(MaskUse::object, {lens, lens}).find("cover the photographs completely"), std::string::npos);
+    EXPECT_NE(refusal(MaskUse::object, {lens, lens}).find("cover the photographs completely"),
+              std::string::npos);
     EXPECT_EQ(refusal(MaskUse::object, {lens, good}), "");
     EXPECT_EQ(refusal(MaskUse::ignore, {lens, lens}), "");
 }
@@ -78,7 +79,7 @@ TEST(KeepToObject, OnlyWhereMasksAreOfOne) {
          {MaskUse::automatic, MaskUse::none, MaskUse::ignore, MaskUse::object}) {
         PointCloud cloud;
         cloud.positions = {{0, 0, 0}, {0, -2.5f, 0}}, cloud.colors.resize(2);
-        keep_to_object(use, views, cloud);
+        limit_to_object(use, views, cloud);
         EXPECT_EQ(cloud.positions.size(), use == MaskUse::object ? 1u : 2u);
     }
 }

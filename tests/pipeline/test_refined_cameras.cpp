@@ -37,7 +37,7 @@ TEST_F(RefinedCameras, AreReadAsTheyWereWritten) {
         for (const int times : {1, 2}) {
             Scene read = scene_of(64 * times, 48 * times, origin);
             read.test = read.train;
-            adopt_refined_cameras(run, read);
+            apply_refined_cameras(run, read);
             for (std::size_t i = 0; i < 2; ++i) {
                 const Camera &is = read.train[i].camera, &given = read.test[i].camera;
                 expect_near_poses(is, written.train[i].camera);
@@ -53,23 +53,23 @@ TEST_F(RefinedCameras, AreReadAsTheyWereWritten) {
 TEST_F(RefinedCameras, OthersStayAndBrokenFilesAreErrors) {
     Scene scene = scene_of(64, 48, {});
     const Camera given = scene.train[0].camera;
-    adopt_refined_cameras(folder.string(), scene);  // a run without refined cameras
+    apply_refined_cameras(folder.string(), scene);  // a run without refined cameras
     EXPECT_EQ(scene.train[0].camera.fx_px, given.fx_px);
 
     Scene one = scene;
     one.train.erase(one.train.begin());
     one.train[0].camera.camera_from_world.t.x += 1;
     write_refined_cameras(folder.string(), one);
-    adopt_refined_cameras(folder.string(), scene);
+    apply_refined_cameras(folder.string(), scene);
     EXPECT_EQ(scene.train[0].camera.camera_from_world.t.x, given.camera_from_world.t.x);
     EXPECT_NEAR(scene.train[1].camera.camera_from_world.t.x,
                 one.train[0].camera.camera_from_world.t.x, 1e-6f);
 
     write("cameras/images.txt", "1 1 0 0 nan 0 0 0 1 b c.png\n\n");
-    expect_error(ExitCode::input, "E_POSE", [&] { adopt_refined_cameras(folder.string(), scene); });
+    expect_error(ExitCode::input, "E_POSE", [&] { apply_refined_cameras(folder.string(), scene); });
     std::filesystem::remove(folder / "cameras/cameras.txt");
     expect_error(ExitCode::input, "cameras",
-                 [&] { adopt_refined_cameras(folder.string(), scene); });
+                 [&] { apply_refined_cameras(folder.string(), scene); });
 }
 
 }  // namespace

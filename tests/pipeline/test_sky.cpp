@@ -105,12 +105,12 @@ Scene scene_of(const Case& c) {
     return scene;
 }
 
-SkyLook look_at(const Scene& scene) {
-    return look_for_sky(scene.train, scene.points.positions);
+SkyDetection look_at(const Scene& scene) {
+    return detect_sky(scene.train, scene.points.positions);
 }
 
 /// Share of far pixels on the wall (or off it), at least `margin` from its outline.
-double far_share(const Scene& scene, const SkyLook& look, bool on_wall, int margin) {
+double far_share(const Scene& scene, const SkyDetection& look, bool on_wall, int margin) {
     int all = 0, far = 0;
     for (std::size_t v = 0; v < scene.train.size(); ++v)
         for (int y = margin; y < kHeight - margin; ++y)
@@ -163,7 +163,7 @@ TEST(SkyMap, HasNoSeams) {
 
 TEST(LookForSky, FindsItBehindAWall) {
     const Scene scene = scene_of({});
-    const SkyLook look = look_at(scene);
+    const SkyDetection look = look_at(scene);
     EXPECT_GT(look.share, 0.3);
     EXPECT_GT(far_share(scene, look, false, 6), 0.65);
     EXPECT_LT(far_share(scene, look, true, 6), 0.001);
@@ -173,7 +173,7 @@ TEST(LookForSky, NotInABackdropNorInOneColour) {
     Case backdrop, one_colour;
     backdrop.backdrop = 6, one_colour.sky = of_one_colour;
     for (const Case& c : {backdrop, one_colour}) {
-        const SkyLook look = look_at(scene_of(c));
+        const SkyDetection look = look_at(scene_of(c));
         EXPECT_LT(look.share, 0.01);
         EXPECT_TRUE(decide_sky(look.share).settings.empty());
     }
@@ -201,7 +201,7 @@ TEST(LookForSky, OnlyInsideOfMasks) {
             }
     }
     const auto share = [&](bool masks) {
-        return look_for_sky(scene.train, scene.points.positions, masks).share;
+        return detect_sky(scene.train, scene.points.positions, masks).share;
     };
     EXPECT_LT(share(true), 0.01);
     EXPECT_GT(share(false), 0.3);
@@ -213,19 +213,19 @@ TEST(LookForSky, OnlyInsideOfMasks) {
 TEST(PointsBeforeSky, AreThoseOfTheWall) {
     Scene scene = scene_of({});
     const std::size_t wall = scene.points.positions.size();
-    const SkyLook look = look_at(scene);
+    const SkyDetection look = look_at(scene);
     for (const float x : {-1.7f, 1.6f})
         for (const float y : {-1.0f, 0.0f, 1.0f}) scene.points.positions.push_back({x, y, 0.3f});
     scene.points.positions.push_back({0, 0, -9});  // visible in no view
     const std::vector<std::size_t> kept =
-        points_before_sky(scene.train, look, scene.points.positions);
+        points_outside_sky(scene.train, look, scene.points.positions);
     ASSERT_EQ(kept.size(), wall + 1);
     EXPECT_EQ(kept[wall - 1], wall - 1);
 }
 
 TEST(MakeSky, HasItsColours) {
     const Scene scene = scene_of({});
-    const SkyLook look = look_at(scene);
+    const SkyDetection look = look_at(scene);
     const ImageU8 sky = make_sky(scene.train, look);
     ASSERT_EQ(sky.width, 512) << "a texel per pixel: 130 sqrt(4 pi) = 461";
     ASSERT_EQ(sky.height, 512);
@@ -275,7 +275,7 @@ TEST(LookAt, ASkyIsNothingThatCouldBeMatched) {
 struct Planned {
     Configuration config;
     Scene scene;
-    SkyLook look;
+    SkyDetection look;
 
     explicit Planned(const Settings& given, const Case& c = {}) : scene(scene_of(c)) {
         for (const auto& [key, value] : given) config.table.set(key, value, "the user");

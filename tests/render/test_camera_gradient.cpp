@@ -142,10 +142,10 @@ std::vector<double> gradient_of(const std::string& name,
     Gaussians<Device> g;
     copy(splats, g);
     auto backbone = make_backbone<Device>(name, {});
-    EXPECT_TRUE(backbone->traits.moves_cameras);
+    EXPECT_TRUE(backbone->traits.has_camera_gradient);
     backbone->forward(g, camera, 3, maps);
     Buffer<double, Device> sum;
-    copy(std::vector<double>(kCameraNumbers, 0), sum);
+    copy(std::vector<double>(kCameraParameters, 0), sum);
     backbone->add_camera_gradient(g, weights<Device>(), sum.span());
     return to_host(sum);
 }
@@ -173,7 +173,7 @@ TEST_P(OfCamera, AgainstDifferencesOfBruteForce) {
     const Gaussians<Cpu> g = scene();
     const Camera camera = test_camera(kSide, kSide);
     const std::vector<double> found = gradient_of<Cpu>(GetParam(), g, camera);
-    for (int k = 0; k < kCameraNumbers; ++k) {
+    for (int k = 0; k < kCameraParameters; ++k) {
         const auto difference = [&](double h) {
             return (loss(GetParam(), g, {camera, k, h}) - loss(GetParam(), g, {camera, k, -h})) /
                    (2 * h);
@@ -215,7 +215,7 @@ TEST_P(OfCamera, LeavesTheSplatsGradientsAsTheyAre) {
         auto backbone = make_backbone<Cpu>(GetParam(), {});
         backbone->forward(g, test_camera(kSide, kSide), 3, Maps::color | Maps::coverage);
         Buffer<double, Cpu> sum;
-        copy(std::vector<double>(kCameraNumbers, 0), sum);
+        copy(std::vector<double>(kCameraParameters, 0), sum);
         if (cameras) backbone->add_camera_gradient(g, weights<Cpu>(), sum.span());
         Gaussians<Cpu> dL;
         resize(dL, g.size(), 3);

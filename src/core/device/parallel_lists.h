@@ -24,7 +24,7 @@ void for_parts(std::size_t count, const Action& action) {
 /// The numbers below `count` for which is_in(number) is true, ascending. Calls is_in twice for each
 /// number.
 template <class IsIn>
-std::vector<int> numbers_where(std::size_t count, const IsIn& is_in) {
+std::vector<int> indices_where(std::size_t count, const IsIn& is_in) {
     std::array<std::size_t, kListParts + 1> starts{};
     for_parts(count, [&](std::size_t part, std::size_t first, std::size_t last) {
         std::size_t found = 0;

@@ -19,7 +19,7 @@ public:
 
     /// Leaves out points that are not finite.
     explicit PointForest(const std::vector<Vec3f>& points)
-        : order_(numbers_where(points.size(), [&](std::size_t i) { return is_finite(points[i]); })),
+        : order_(indices_where(points.size(), [&](std::size_t i) { return is_finite(points[i]); })),
           parts_(kListParts) {
         const std::vector<Vec3f> finite = taken(points, order_);
         Buffer<int, Cpu> order;

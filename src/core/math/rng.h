@@ -15,7 +15,7 @@ enum class RandomStream : std::uint32_t {
     init = 3,
     sampling = 4,
     test = 5,
-    other_views = 6,
+    neighbour_views = 6,
     patches = 7,
     stereo = 8,
     thinning = 9,

@@ -117,7 +117,7 @@ void require_replaceable(const fs::path& file) {
                 str(file.string(), ": already exists and is not ours; choose another name"));
 }
 
-void require_no_record(const fs::path& file) {
+void require_not_results_file(const fs::path& file) {
     constexpr std::string_view kFiles[] = {
         "config.json", "plan.json",     "memory.json", "log.jsonl",     "cameras.json",
         "report.json", "sky.png",       "splits.json", "exposure.json", "done.json",
@@ -139,7 +139,7 @@ void require_no_record(const fs::path& file) {
                                          " needs this file; choose another name"));
 }
 
-void list_results(const fs::path& folder, const std::vector<std::string>& names) {
+void create_results_folder(const fs::path& folder, const std::vector<std::string>& names) {
     std::error_code code;
     fs::create_directories(folder, code);
     if (code) throw Error(ExitCode::io, str(folder.string(), ": cannot make it: ", code.message()));

@@ -31,14 +31,15 @@ void add_to_manifest(const std::filesystem::path& folder, const std::filesystem:
 /// Creates a folder of results, and a list in it unless the folder or a parent has one. `names`:
 /// files and folders that will be written there. Throws Error(ExitCode::usage) if one of them
 /// exists and tvsgs did not write it.
-void list_results(const std::filesystem::path& folder, const std::vector<std::string>& names);
+void create_results_folder(const std::filesystem::path& folder,
+                           const std::vector<std::string>& names);
 
 /// Throws Error(ExitCode::usage) if `file` exists, is not empty and was not written by tvsgs.
 void require_replaceable(const std::filesystem::path& file);
 
 /// Throws Error(ExitCode::usage) if the user named, as an output, a file that a folder of results
 /// needs: a configuration, a log, splats, a checkpoint, or a file of a scene.
-void require_no_record(const std::filesystem::path& file);
+void require_not_results_file(const std::filesystem::path& file);
 
 /// Removes the files of the list, the list, and the folders that are empty then.
 void remove_listed_files(const std::filesystem::path& folder);

@@ -124,12 +124,12 @@ private:
 
 }  // namespace
 
-std::size_t drop_unusable(PointCloud& cloud, const std::string& source) {
+std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source) {
     const std::vector<Vec3f>& p = cloud.positions;
     const auto is_finite_here = [&](std::size_t i) {
         return std::abs(p[i].x) <= 1e9f && std::abs(p[i].y) <= 1e9f && std::abs(p[i].z) <= 1e9f;
     };
-    std::vector<int> order = numbers_where(p.size(), is_finite_here);
+    std::vector<int> order = indices_where(p.size(), is_finite_here);
     const std::size_t not_finite = p.size() - order.size();
     const auto place = [&](int i) {
         const Vec3f at = p[static_cast<std::size_t>(i)];
@@ -144,7 +144,7 @@ std::size_t drop_unusable(PointCloud& cloud, const std::string& source) {
             at == 0 || place(order[at - 1]) != place(order[at]);
     });
     const std::vector<int> kept =
-        numbers_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
+        indices_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
     const std::size_t repeated = order.size() - kept.size();
     if (not_finite > 0)
         spdlog::warn("{}: dropped {} points: positions not finite or beyond 1e9", source,
@@ -172,7 +172,7 @@ PointCloud initial_points(const SceneOptions& options,
     const ColmapModel& model = layout.model;
     const auto from_ply = [origin](const std::string& path) {
         PointCloud cloud = read_ply(path, origin).points;
-        drop_unusable(cloud, path);
+        drop_invalid_points(cloud, path);
         return cloud;
     };
     if (!options.init_ply.empty()) {
@@ -207,7 +207,7 @@ PointCloud initial_points(const SceneOptions& options,
     if (subset && !points.positions.empty())
         spdlog::debug("{} of the model's {} points are seen by two training views",
                       cloud.positions.size(), points.positions.size());
-    drop_unusable(cloud, model_folder);
+    drop_invalid_points(cloud, model_folder);
     // The points of Blender scenes do not come from photographs.
     const bool may_use = !subset || layout.format == "blender";
     const std::string ply =

@@ -47,7 +47,7 @@ Vec3d read_scene_origin(const SceneOptions& options);
 
 /// Drops points that are not finite, farther than 1e9, or at the position of an earlier point (zero
 /// distance to a neighbour). Warns and names `source`. Returns the number of dropped points.
-std::size_t drop_unusable(PointCloud& cloud, const std::string& source);
+std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source);
 
 /// Scene::extent of these training views.
 float scene_extent(const Scene& scene);

@@ -278,7 +278,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
     });
     if (&vertex == &in.elements().back()) in.finish();
     const std::vector<int> numbers =
-        numbers_where(rows, [&](std::size_t i) { return usable[i] != 0; });
+        indices_where(rows, [&](std::size_t i) { return usable[i] != 0; });
     const std::size_t count = numbers.size();
     if (count < rows)
         spdlog::warn("{}: dropped {} of {} splats: not finite, or a zero quaternion", path,

@@ -74,7 +74,7 @@ std::optional<SplatFormat> splat_format(const std::string& path) {
     return std::nullopt;
 }
 
-SplatFrame usual_frame(SplatFormat format) {
+SplatFrame default_frame(SplatFormat format) {
     return format == SplatFormat::spz   ? SplatFrame::rub
            : format == SplatFormat::glb ? SplatFrame::luf
                                         : SplatFrame::rdf;
@@ -92,7 +92,7 @@ std::uintmax_t write_splat_file(const std::string& path,
                                 const Gaussians<Cpu>& g,
                                 const SplatFileOptions& options) {
     const SplatFormat format = format_of(path);
-    const SplatFrame frame = options.frame.value_or(usual_frame(format));
+    const SplatFrame frame = options.frame.value_or(default_frame(format));
     if (format == SplatFormat::ply) {
         Gaussians<Cpu> turned;
         copy(g, turned);
@@ -146,7 +146,7 @@ Gaussians<Cpu> read_splat_file(const std::string& path,
                                std::optional<SplatFrame> given,
                                Vec3d origin) {
     const SplatFormat format = format_of(path);
-    const SplatFrame frame = given.value_or(usual_frame(format));
+    const SplatFrame frame = given.value_or(default_frame(format));
     switch (format) {
         case SplatFormat::spz:
             return read_spz(path, frame).splats;

@@ -14,12 +14,12 @@ enum class SplatFormat { ply, spz, sog, glb };
 std::optional<SplatFormat> splat_format(const std::string& path);
 
 /// The frame that readers of the format expect: RDF for PLY and SOG, RUB for SPZ, LUF for GLB.
-SplatFrame usual_frame(SplatFormat format);
+SplatFrame default_frame(SplatFormat format);
 const char* frame_name(SplatFrame frame);
 
 /// Options of write_splat_file().
 struct SplatFileOptions {
-    std::optional<SplatFrame> frame;  // of the file; default: usual_frame()
+    std::optional<SplatFrame> frame;  // of the file; default: default_frame()
     int spz_version = 3;
     int spz_sh_bits_1 = 5, spz_sh_bits_rest = 4;
     int sog_palette = 0;
@@ -45,7 +45,7 @@ std::uintmax_t write_splat_file(const std::string& path,
 Vec3d read_splat_origin(const std::string& path);
 
 /// Reads the splats of a file into our frame (RDF). `frame`: frame of the file; default:
-/// usual_frame(). Subtracts `origin` from positions of a PLY. Throws Error(ExitCode::input).
+/// default_frame(). Subtracts `origin` from positions of a PLY. Throws Error(ExitCode::input).
 Gaussians<Cpu> read_splat_file(const std::string& path,
                                std::optional<SplatFrame> frame = {},
                                Vec3d origin = {});

@@ -23,11 +23,11 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     rules.weighting = options.weight;
     TsdfOptions volume;
     volume.carve = options.carve;
-    volume.trust = options.lone_views == LoneViews::trusted && options.min_weight == 1 &&
+    volume.trust = options.single_view == SingleView::trusted && options.min_weight == 1 &&
                    options.weight == DepthWeighting::unit;
     rules.trust = volume.trust;
-    rules.jump_px = options.lone_jump_px;
-    if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
+    rules.jump_px = options.single_view_jump_px;
+    if (!volume.trust && options.single_view == SingleView::trusted && options.min_weight == 1)
         spdlog::debug("Surface that a single view sees is kept, because mesh.weight is not unit");
     const auto size = [&](float pixels) {
         return voxel_size(options.voxel_size, options.resolution,

@@ -11,15 +11,15 @@
 namespace tvsgs {
 
 /// Which surface that a single view has seen is kept.
-enum class LoneViews { trusted, all };
+enum class SingleView { trusted, all };
 
 struct TsdfMesherOptions {
     float voxel_size = 0, voxel_scale = 1, truncation = 0, truncation_voxels = 4;
     int resolution = 0, min_weight = 1;
     bool carve = false;
     DepthWeighting weight = DepthWeighting::unit;
-    LoneViews lone_views = LoneViews::trusted;
-    float lone_jump_px = kJumpPx;
+    SingleView single_view = SingleView::trusted;
+    float single_view_jump_px = kJumpPx;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -40,11 +40,11 @@ struct TsdfMesherOptions {
         field("carve", carve, "views also clear the space in front of their surface");
         field("min_weight", min_weight, {1, 65535},
               "least number of views that see a voxel; above 1 needs weight unit");
-        field.choice("lone_views", lone_views, {"trusted", "all"},
+        field.choice("single_view", single_view, {"trusted", "all"},
                      "surface that a single view sees: keep the smooth parts, away from edges and "
                      "outside of other views' free space, or all; trusted needs weight unit and "
                      "min_weight 1");
-        field("lone_jump_px", lone_jump_px, {0.01, 1000},
+        field("single_view_jump_px", single_view_jump_px, {0.01, 1000},
               "limit of a depth jump within trusted surface of a single view, in pixel widths");
     }
 };
@@ -102,7 +102,7 @@ public:
         if (found.why_empty.empty() && found.mesh.faces.empty())
             found.why_empty =
                 "no two views agree on a surface; lower --min-weight, or pass "
-                "--set mesh.lone_views=all";
+                "--set mesh.single_view=all";
         return found;
     }
 

@@ -7,7 +7,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/scene/sight_limits.h"
+#include "core/scene/view_frustum.h"
 #include "mesh/fuse/device_algorithms.h"
 #include "mesh/fuse/pixel_trust.h"
 #include "mesh/fuse/tsdf.h"
@@ -137,7 +137,7 @@ struct IntegrateBody {
 
 /// Marks the blocks that may contain a point in view.
 struct InViewBody {
-    SightLimits limits;
+    ViewFrustum limits;
     float voxel_size;
     Span<const std::uint64_t> keys;
     Span<std::uint32_t> counts;
@@ -372,7 +372,7 @@ void TsdfVolume<Device>::contradict(const DepthView<Device>& view) {
     if (!options_.contraction.is_on() && all > 0) {
         offsets_.resize(static_cast<std::size_t>(all));
         parallel_for(Device{}, all,
-                     detail::InViewBody{SightLimits(view.camera), options_.voxel_size,
+                     detail::InViewBody{ViewFrustum(view.camera), options_.voxel_size,
                                         std::as_const(blocks_.keys).span(), offsets_.span()});
         count = static_cast<int>(exclusive_scan(offsets_));
         if (count == 0) return;

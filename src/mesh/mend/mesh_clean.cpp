@@ -51,7 +51,7 @@ std::size_t number_components(DisjointSets& sets,
                               const std::vector<char>& keep,
                               std::vector<int>& component) {
     component.assign(keep.size(), -1);
-    const std::vector<int> firsts = numbers_where(keep.size(), [&](std::size_t f) {
+    const std::vector<int> firsts = indices_where(keep.size(), [&](std::size_t f) {
         return keep[f] && sets.find(static_cast<int>(f)) == static_cast<int>(f);
     });
     parallel_for(Cpu{}, static_cast<int>(firsts.size()),
@@ -75,14 +75,14 @@ std::vector<int> face_components(const TriangleMesh& mesh) {
 std::size_t filter_faces(TriangleMesh& mesh, const std::vector<char>& keep) {
     const std::size_t before = mesh.vertices.size();
     mesh.faces = taken(
-        mesh.faces, numbers_where(mesh.faces.size(), [&](std::size_t f) { return keep[f] != 0; }));
+        mesh.faces, indices_where(mesh.faces.size(), [&](std::size_t f) { return keep[f] != 0; }));
     const int faces = static_cast<int>(mesh.faces.size());
     std::vector<char> used(before);
     parallel_for(Cpu{}, faces, [&](int f) {
         for (int k = 0; k < 3; ++k) mark(used[std::size_t(mesh.faces[std::size_t(f)][k])]);
     });
     const std::vector<int> left =
-        numbers_where(before, [&](std::size_t v) { return used[v] != 0; });
+        indices_where(before, [&](std::size_t v) { return used[v] != 0; });
     mesh.vertices = taken(mesh.vertices, left);
     if (!mesh.colors.empty()) mesh.colors = taken(mesh.colors, left);
     if (!mesh.views.empty()) mesh.views = taken(mesh.views, left);
@@ -172,7 +172,7 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
     for (int i = 0; count > 0 && i < source.count; ++i) {
         progress.advance();
         const EvidenceView view = source.view(i);
-        const SightLimits limits(view.camera);
+        const ViewFrustum limits(view.camera);
         pixels.assign(count, {});
         parallel_for_heavy(Cpu{}, runs.count(), [&](int number) {
             if (runs.misses(limits, number)) return;
@@ -213,7 +213,7 @@ std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
     for (int i = 0; i < source.count; ++i) {
         progress.advance();
         const EvidenceView view = source.view(i);
-        const SightLimits limits(view.camera);
+        const ViewFrustum limits(view.camera);
         parallel_for_heavy(Cpu{}, runs.count(), [&](int run) {
             if (runs.misses(limits, run)) return;
             for (std::size_t f = runs.begin(run); f < runs.end(run); ++f)

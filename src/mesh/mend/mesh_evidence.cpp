@@ -59,7 +59,7 @@ std::vector<Evidence> gather_evidence(const EvidenceSource& source,
     for (int i = 0; i < source.count; ++i) {
         progress.advance();
         const EvidenceView view = source.view(i);
-        const SightLimits limits(view.camera);
+        const ViewFrustum limits(view.camera);
         parallel_for_heavy(Cpu{}, runs.count(), [&](int run) {
             const bool missed = runs.misses(limits, run),
                        was_silent = std::exchange(silent[run], missed);

@@ -108,11 +108,11 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
     const std::vector<char>& is_boundary = surface.boundary;
     const std::vector<char> at_boundary = mark_boundary_vertices(mesh, is_boundary);
     boundary.vertices =
-        numbers_where(at_boundary.size(), [&](std::size_t v) { return at_boundary[v] != 0; });
+        indices_where(at_boundary.size(), [&](std::size_t v) { return at_boundary[v] != 0; });
     std::vector<int> places(mesh.vertices.size(), -1);
     parallel_for(Cpu{}, static_cast<int>(boundary.vertices.size()),
                  [&](int i) { places[std::size_t(boundary.vertices[std::size_t(i)])] = i; });
-    const std::vector<int> near = numbers_where(mesh.faces.size(), [&](std::size_t f) {
+    const std::vector<int> near = indices_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
         return at_boundary[std::size_t(face.x)] || at_boundary[std::size_t(face.y)] ||
                at_boundary[std::size_t(face.z)];

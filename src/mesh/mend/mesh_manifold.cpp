@@ -48,7 +48,7 @@ bool weld(TriangleMesh& mesh) {
 
 /// The edges of the faces with a marked vertex.
 std::vector<FaceEdge> edges_at(const TriangleMesh& mesh, const std::vector<char>& marked) {
-    const std::vector<int> places = numbers_where(mesh.faces.size(), [&](std::size_t f) {
+    const std::vector<int> places = indices_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
         return marked[std::size_t(face.x)] || marked[std::size_t(face.y)] ||
                marked[std::size_t(face.z)];

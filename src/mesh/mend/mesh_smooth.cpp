@@ -88,7 +88,7 @@ void unfold(const TriangleMesh& mesh,
         return (moved(face.x) || moved(face.y) || moved(face.z)) &&
                !(dot(normal_of(before, face), normal_of(after, face)) > 0);
     };
-    std::vector<int> waiting = numbers_where(mesh.faces.size(), is_wrong);
+    std::vector<int> waiting = indices_where(mesh.faces.size(), is_wrong);
     while (!waiting.empty()) {
         const auto f = static_cast<std::size_t>(waiting.back());
         waiting.pop_back();
@@ -141,7 +141,7 @@ std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& camera
     });
     unfold(mesh, corners, before, now);
     const auto moves = [&](std::size_t v) { return norm(now[v] - before[v]) > 0; };
-    const std::size_t moved = numbers_where(now.size(), moves).size();
+    const std::size_t moved = indices_where(now.size(), moves).size();
     for_each(now.size(), [&](std::size_t v) { mesh.vertices[v] = vec_cast<float>(now[v]); });
     return moved;
 }

@@ -39,7 +39,7 @@ struct PriorFit {
 /// True if the map explains too little: its residual is more than 0.65 of that of a constant depth.
 /// Maps of other photographs of the scene left 0.6 to 2.5 of it, the right maps at most 0.6 even
 /// with 5 % noise. Points cannot judge residuals below 0.01.
-inline bool tells_nothing(const PriorFit& fit) {
+inline bool is_uninformative(const PriorFit& fit) {
     return fit.found && fit.residual > 0.01 && fit.residual > 0.65 * fit.residual_of_constant;
 }
 

@@ -48,7 +48,7 @@ PriorAgreement agreement_of(const std::vector<NormalSample>& samples, const Norm
 
 /// True if the map's error (1 - cosine) is more than half of that of the best single normal. Up to
 /// 0.15 (32 degrees) the points may be wrong: the right maps had errors of up to 24 degrees.
-inline bool tells_nothing(const PriorAgreement& a) {
+inline bool is_uninformative(const PriorAgreement& a) {
     return 1 - a.cosine > 0.15 && 1 - a.cosine > 0.5 * (1 - a.cosine_of_constant);
 }
 

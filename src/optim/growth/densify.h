@@ -23,7 +23,7 @@ struct DensifyOptions {
         prune_large_after = 3000;
     float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
           reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f,
-          spare_covered = 0;
+          growth_in_gaps_only = 0;
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
@@ -62,7 +62,7 @@ struct DensifyOptions {
               "trim splats that are in front in fewer training views; 0: no trim");
         field("jitter_clones", jitter_clones,
               "move clones by a random draw from their splat (PGSR); false: same place (3DGS)");
-        field("spare_covered", spare_covered, {0, 1},
+        field("growth_in_gaps_only", growth_in_gaps_only, {0, 1},
               "share by which growth, pruning and resets are suppressed where the start cloud "
               "covers the photographs; 0: none, 1: fully");
         // The 45 SH floats of each splat are counted in int.
@@ -143,7 +143,7 @@ public:
 
 private:
     bool acts(int step) const {
-        return options_.enabled && options_.spare_covered < 1 && step < options_.until;
+        return options_.enabled && options_.growth_in_gaps_only < 1 && step < options_.until;
     }
 
     bool grows(int step) const { return step > options_.from && step % options_.every == 0; }
@@ -152,7 +152,7 @@ private:
         return options_.trim_min_views > 0 && step % options_.trim_every == 0;
     }
 
-    GrowthWeights weights() const { return {open_.span(), options_.spare_covered}; }
+    GrowthWeights weights() const { return {open_.span(), options_.growth_in_gaps_only}; }
 
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 

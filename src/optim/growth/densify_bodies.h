@@ -15,9 +15,9 @@ namespace tvsgs {
 /// Weight of growth per splat, 0 to 1. [docs/guide/plan.md#growth-in-gaps]
 struct GrowthWeights {
     Span<const float> open;  // [N] open_shares(), inherited; or empty: 1
-    float spare_covered;
+    float growth_in_gaps_only;
     TVSGS_HD float operator()(int i) const {
-        return open.empty() ? 1 : (1 - spare_covered) * (1 + spare_covered * open[i]);
+        return open.empty() ? 1 : (1 - growth_in_gaps_only) * (1 + growth_in_gaps_only * open[i]);
     }
 };
 

@@ -24,7 +24,7 @@ LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
     LossNeeds all;
     for (const auto& term : losses)
         if (const LossNeeds needs = term->needs_at(step, view);
-            term->active(step) && (has_others || needs.other_views == 0))
+            term->active(step) && (has_others || needs.neighbour_views == 0))
             all |= needs;
     all.maps |= Maps::color;
     return all;
@@ -32,17 +32,17 @@ LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
 
 /// Returns null when no term uses neighbour views; then view pairs are neither selected nor logged.
 template <class Device>
-std::unique_ptr<OtherViews<Device>> make_other_views(const Scene& scene,
-                                                     const TrainOptions& options,
-                                                     bool quiet) {
+std::unique_ptr<NeighbourViews<Device>> make_neighbour_views(const Scene& scene,
+                                                             const TrainOptions& options,
+                                                             bool quiet) {
     const LossNeeds needs = needs_of(options.loss);
-    if (needs.other_views == 0) return nullptr;
+    if (needs.neighbour_views == 0) return nullptr;
     std::vector<std::unique_ptr<Backbone<Device>>> backbones(
-        static_cast<std::size_t>(needs.other_views));
+        static_cast<std::size_t>(needs.neighbour_views));
     for (int i = 0; i < needs.rendered_views; ++i)
         backbones[static_cast<std::size_t>(i)] =
             make_backbone<Device>(options.backbone, options.render);
-    return std::make_unique<OtherViews<Device>>(
+    return std::make_unique<NeighbourViews<Device>>(
         select_view_pairs(scene, options.loss.multi_view, quiet), std::move(backbones),
         static_cast<std::uint64_t>(options.seed));
 }
@@ -55,13 +55,13 @@ public:
     /// `scene` has to outlive this object. `quiet`: does not log view pairs.
     Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
         : backbone_(make_backbone<Device>(options.backbone, options.render)),
-          others_(make_other_views<Device>(scene, options, quiet)),
+          others_(make_neighbour_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
         backbone_->set_color_share(options.loss.photometric.geometry);
-        check_cameras(options, backbone_->traits.moves_cameras);
+        check_cameras(options, backbone_->traits.has_camera_gradient);
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
@@ -80,12 +80,12 @@ public:
                                     const NextView& next_view) {
         const DeviceView<Device>& here = views_.get(view);
         if (views_.all_resident()) return here;
-        const bool looks_around = needs_at(losses, step, view, true).other_views > 0;
-        if (looks_around)
+        const bool uses_neighbours = needs_at(losses, step, view, true).neighbour_views > 0;
+        if (uses_neighbours)
             for (const int other : others_->choose(step, view)) views_.get(other);
         const int next = next_view();
         views_.prefetch(next);
-        if (looks_around)
+        if (uses_neighbours)
             for (const int other : others_->choose(step + 1, next)) views_.prefetch(other);
         return here;
     }
@@ -105,8 +105,8 @@ public:
                    const Watch& watch) {
         sh_degree_ = sh_degree_at(model_, step);
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
-        OtherViews<Device>* others = nullptr;
-        if (needs_at(losses, step, view.index, true).other_views > 0)
+        NeighbourViews<Device>* others = nullptr;
+        if (needs_at(losses, step, view.index, true).neighbour_views > 0)
             clock("other views", [&] {
                 details("other views, forward", [&] {
                     others_->begin(step, view.index, views_.views(), drawn);
@@ -127,7 +127,7 @@ public:
                                       {gaussians, images, view, field,
                                        backbone_->statistics().radii_px.span(), step, others});
                 });
-                if (!by_camera.empty() && losses[i]->moves_cameras())
+                if (!by_camera.empty() && losses[i]->has_camera_gradient())
                     details("camera gradient", [&] { find_camera_gradient(drawn, by_camera); });
             }
             details("watch losses", [&] { watch(objective_.values); });
@@ -193,7 +193,9 @@ public:
     }
 
     Backbone<Device>& backbone() { return *backbone_; }
-    OtherViews<Device>* others() { return others_.get(); }  // null: no term uses neighbour views
+    NeighbourViews<Device>* others() {
+        return others_.get();
+    }  // null: no term uses neighbour views
     const Objective<Device>& objective() const { return objective_; }
 
     // Stage times, measured only when switched on: stages of a training, and their parts.
@@ -206,11 +208,11 @@ private:
     /// Derivatives of the first term: reads what it has written so far, before other terms write.
     void find_camera_gradient(const Gaussians<Device>& gaussians, Span<double> by_camera) {
         const auto exchange = [&] {
-            of_photo_.color.swap(objective_.dL_dimages.color);
-            of_photo_.transmittance.swap(objective_.dL_dimages.transmittance);
+            photo_gradients_.color.swap(objective_.dL_dimages.color);
+            photo_gradients_.transmittance.swap(objective_.dL_dimages.transmittance);
         };
         exchange();
-        backbone_->add_camera_gradient(gaussians, of_photo_, by_camera);
+        backbone_->add_camera_gradient(gaussians, photo_gradients_, by_camera);
         exchange();
     }
 
@@ -240,14 +242,14 @@ private:
     }
 
     std::unique_ptr<Backbone<Device>> backbone_;
-    std::unique_ptr<OtherViews<Device>> others_;
+    std::unique_ptr<NeighbourViews<Device>> others_;
     DeviceViews<Device> views_;
     std::vector<Camera> cameras_;
     ModelOptions model_;
     float extent_;
     FixedSplats<Device> fixed_;
     Objective<Device> objective_;
-    ImageGradients<Device> of_photo_;  // empty except inside find_camera_gradient()
+    ImageGradients<Device> photo_gradients_;  // empty except inside find_camera_gradient()
     std::vector<std::string> loss_stages_;
     int sh_degree_ = 0;  // of the current step
     /// Result of the last propagate(); null: the gradients are in `objective_`.

@@ -57,7 +57,7 @@ inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, k
 
 /// Switches growth off where the time is too short for it. Settling times change little for a
 /// training hardly shorter than `original`.
-inline void keep_distances(const TrainOptions& original, DensifyOptions& fitted, int iterations) {
+inline void keep_intervals(const TrainOptions& original, DensifyOptions& fitted, int iterations) {
     const auto at_least = [](int& number, int was, int least) {
         number = std::max(number, std::min(was, least));
     };
@@ -85,7 +85,7 @@ inline void fit_schedule(
         const double fitted = counts == Counts::at ? done + (was - from) * ratio : was * ratio;
         number = static_cast<int>(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
     });
-    if (ratio < 1) keep_distances(original, options.densify, iterations);
+    if (ratio < 1) keep_intervals(original, options.densify, iterations);
     options.iterations = iterations;
 }
 

@@ -19,9 +19,10 @@ void check_start(const State& start, const TrainOptions& o) {
         throw Error(ExitCode::usage,
                     "cameras.refine = false: the checkpoint has refined poses; set it to true");
     const StateArray* const open = start.find("densify.open");
-    if (spares(o.densify) && (open == nullptr || open->count() == 0))
-        throw Error(ExitCode::usage, str("densify.spare_covered = ", o.densify.spare_covered,
-                                         ": the run began without this key; set it to 0"));
+    if (grows_in_gaps_only(o.densify) && (open == nullptr || open->count() == 0))
+        throw Error(ExitCode::usage,
+                    str("densify.growth_in_gaps_only = ", o.densify.growth_in_gaps_only,
+                        ": the run began without this key; set it to 0"));
 }
 
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {

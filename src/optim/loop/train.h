@@ -33,8 +33,8 @@ struct ModelOptions {
 };
 
 /// Whether growth leaves out splats in areas that the initial cloud covers.
-inline bool spares(const DensifyOptions& o) {
-    return o.enabled && o.spare_covered > 0;
+inline bool grows_in_gaps_only(const DensifyOptions& o) {
+    return o.enabled && o.growth_in_gaps_only > 0;
 }
 
 struct TrainOptions {

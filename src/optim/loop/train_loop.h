@@ -29,7 +29,7 @@ Gaussians<Device> train(const Scene& scene,
     iteration.clock = StageClock<Device>(callbacks.profile);
     GuardedTraining<Device> training(scene, options, callbacks, std::move(start));
     const auto follow_cameras = [&] {
-        const CameraRefinement* const moved = training.state().cameras.take_moved();
+        const CameraRefinement* const moved = training.state().cameras.take_changed();
         if (moved == nullptr) return;
         iteration.set_cameras(moved->cameras());
         if (callbacks.on_cameras) callbacks.on_cameras(*moved);

@@ -84,7 +84,7 @@ struct TrainState {
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv));
         if (from != nullptr)
             load(*from, o);
-        else if (spares(o.densify))
+        else if (grows_in_gaps_only(o.densify))
             densifier.set_open(open_shares(scene.train, to_host(gaussians.means),
                                            uses_masks(o.loss.photometric.masks)));
     }

@@ -36,15 +36,16 @@ struct LossInputs {
     const TensorField<Device>& field;
     Span<const float> radii_px;  // [N] > 0: visible in this view
     int step;
-    OtherViews<Device>* others = nullptr;  // at least one neighbour view; null: the view has none
+    NeighbourViews<Device>* others =
+        nullptr;  // at least one neighbour view; null: the view has none
 };
 
 /// Inputs that a term needs besides the rendered colours.
 struct LossNeeds {
     Maps maps = Maps::none;  // of the view's render
-    /// The term gets at most `other_views` neighbour views, and does not act for a view without
+    /// The term gets at most `neighbour_views` neighbour views, and does not act for a view without
     /// any. The first `rendered_views` of them are rendered and compared.
-    int other_views = 0, rendered_views = 0;
+    int neighbour_views = 0, rendered_views = 0;
     bool edges = false;            // of photographs: DeviceView::edge_min, edge_max
     bool grey = false;             // of photographs: DeviceView::grey
     MapNames view_maps{};          // DeviceView::map(); a view may lack them
@@ -55,7 +56,7 @@ struct LossNeeds {
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.maps |= b.maps;
-    a.other_views = std::max(a.other_views, b.other_views);
+    a.neighbour_views = std::max(a.neighbour_views, b.neighbour_views);
     a.rendered_views = std::max(a.rendered_views, b.rendered_views);
     a.edges |= b.edges, a.grey |= b.grey;
     for (const std::string_view name : b.view_maps) a.view_maps.add(name);
@@ -83,7 +84,7 @@ public:
 
     /// Whether the derivatives by its render refine cameras. It has to be the first term, as terms
     /// after it add to the same buffers.
-    virtual bool moves_cameras() const { return false; }
+    virtual bool has_camera_gradient() const { return false; }
 
     /// Needs at one step with one view; a subset of needs(). For terms that do not use neighbour
     /// views at every step.

@@ -99,7 +99,7 @@ class AnchoredDepthLoss final : public Loss<Device> {
 public:
     /// Needs of the iterations that make a target.
     static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
-                                      .other_views = 1,
+                                      .neighbour_views = 1,
                                       .rendered_views = 1,
                                       .grey = true,
                                       .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence},
@@ -183,7 +183,7 @@ private:
                      Span<const float> prior,
                      Span<const float> prior_confidence) {
         Made& made = made_[static_cast<std::size_t>(in.view.index)];
-        const OtherView<Device>& other = (*in.others)[0];
+        const NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
         const int pixels = static_cast<int>(images.depth.size());
         confidence_.resize(images.depth.size());

@@ -101,7 +101,7 @@ class FeatureLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{
         .maps = Maps::depth,
-        .other_views = 2,
+        .neighbour_views = 2,
         .view_maps = {prior_map::kFeatures, prior_map::kCoarseFeatures}};
 
     explicit FeatureLoss(const ScheduledOptions& options, const LossContext& = {})
@@ -114,8 +114,8 @@ public:
                 double* value,
                 const LossInputs<Device>& in) override {
         if (in.others == nullptr || in.view.map(prior_map::kFeatures) == nullptr) return;
-        std::vector<const OtherView<Device>*> others;
-        for (int i = 0; i < in.others->count() && i < kNeeds.other_views; ++i)
+        std::vector<const NeighbourView<Device>*> others;
+        for (int i = 0; i < in.others->count() && i < kNeeds.neighbour_views; ++i)
             if ((*in.others)[i].view().map(prior_map::kFeatures) != nullptr)
                 others.push_back(&(*in.others)[i]);
         if (others.empty()) return;
@@ -127,7 +127,7 @@ public:
         objective.count.fill_zero();
         add_sum(Device{}, pixels, HasDepth{images.depth.span()}, 1, objective.partial.span(),
                 objective.count.data());
-        for (const OtherView<Device>* other : others)
+        for (const NeighbourView<Device>* other : others)
             compare(objective, in, *other, options_.weight / static_cast<float>(others.size()));
         add_sum(Device{}, pixels, ReadValue{std::as_const(pixel_loss_).span()}, 1,
                 objective.partial.span(), value);
@@ -136,7 +136,7 @@ public:
 private:
     void compare(Objective<Device>& objective,
                  const LossInputs<Device>& in,
-                 const OtherView<Device>& other,
+                 const NeighbourView<Device>& other,
                  float weight) {
         const auto& images = in.images;
         const int pixels = images.width * images.height;

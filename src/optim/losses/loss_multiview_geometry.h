@@ -30,7 +30,7 @@ struct MultiViewGeometryBody {
                 static_cast<double>(r.share[i] * g.dL_dother_depth * other_depth[r.at[i]]);
             if (std::abs(px) < 1e6)  // the depth of this pixel is too sensitive
                 add_atomically(&dL_dother_log_depth[r.at[i]],
-                               static_cast<std::int64_t>(px * OtherView<Cpu>::kFixedUnit));
+                               static_cast<std::int64_t>(px * NeighbourView<Cpu>::kFixedUnit));
         }
     }
 };
@@ -41,7 +41,7 @@ template <class Device>
 class MultiViewGeometryLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{
-        .maps = kGeometryMaps, .other_views = 1, .rendered_views = 1, .splat_gradients = true};
+        .maps = kGeometryMaps, .neighbour_views = 1, .rendered_views = 1, .splat_gradients = true};
 
     explicit MultiViewGeometryLoss(const ScheduledOptions& options, const LossContext& = {})
         : options_(options) {}
@@ -53,7 +53,7 @@ public:
                 double* value,
                 const LossInputs<Device>& in) override {
         if (in.others == nullptr) return;
-        OtherView<Device>& other = (*in.others)[0];
+        NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
         const int pixels = static_cast<int>(images.depth.size());
         pixel_loss_.resize(images.depth.size());

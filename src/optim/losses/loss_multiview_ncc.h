@@ -89,7 +89,7 @@ template <class Device>
 class MultiViewNccLoss final : public Loss<Device> {
 public:
     static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
-                                      .other_views = 1,
+                                      .neighbour_views = 1,
                                       .rendered_views = 1,
                                       .grey = true,
                                       .splat_gradients = true};
@@ -107,7 +107,7 @@ public:
                 double* value,
                 const LossInputs<Device>& in) override {
         if (in.others == nullptr) return;
-        const OtherView<Device>& other = (*in.others)[0];
+        const NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
         const int all = static_cast<int>(images.depth.size());
         pixels_.resize(images.depth.size());

@@ -77,11 +77,11 @@ public:
     }
 
     bool active(int) const override { return true; }
-    bool moves_cameras() const override { return true; }
+    bool has_camera_gradient() const override { return true; }
     LossNeeds needs() const override {
         LossNeeds needs;
         if (masks_) needs.view_maps.add("mask");
-        if (coverage_ > 0 || shines_through()) needs.maps = Maps::coverage;
+        if (coverage_ > 0 || has_background()) needs.maps = Maps::coverage;
         return needs;
     }
 
@@ -90,7 +90,7 @@ public:
                 const LossInputs<Device>& in) override {
         pixel_loss_.resize(in.images.color.size());
         const int pixels = static_cast<int>(pixel_loss_.size());
-        const bool masks = masks_ || shines_through();
+        const bool masks = masks_ || has_background();
         ComparedPhoto compared{
             in.images.color.span(), in.view.photo.span(), objective.dL_dimages.color.span(), {}};
         if (masks) compared = mask(in);
@@ -133,7 +133,7 @@ private:
     bool exposes_at(int step) const { return exposure_start_ > 0 && step >= exposure_start_; }
 
     /// Whether the background of the render itself is not black.
-    bool shines_through() const {
+    bool has_background() const {
         return background_.kind == PhotoBackground::Kind::random ||
                background_.kind == PhotoBackground::Kind::sky || !background_.black();
     }
@@ -143,7 +143,7 @@ private:
         const std::size_t pixels = in.images.color.size();
         const PhotoBackground behind = background_.at(seed_, in.step);
         const bool is_sky = behind.kind == PhotoBackground::Kind::sky;
-        if (is_sky && sky_texels_.empty()) keep_sky();
+        if (is_sky && sky_texels_.empty()) copy_sky();
         const DeviceMap<Device>* const map = masks_ ? in.view.map("mask") : nullptr;
         by_ = {map != nullptr ? map->values.span() : Span<const float>{},
                {behind.linear(), is_sky ? SkyMap{sky_texels_.data(), sky_->width} : SkyMap{},
@@ -165,7 +165,7 @@ private:
     }
 
     /// Runs at the first step: some terms are only made to read their needs.
-    void keep_sky() {
+    void copy_sky() {
         if (!sky_) throw Error(ExitCode::usage, kSkyNeedsMap);
         copy(std::vector<std::uint8_t>(sky_->pixels.begin(), sky_->pixels.end()), sky_texels_);
     }

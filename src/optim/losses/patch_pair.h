@@ -45,7 +45,7 @@ struct PatchPair {
 template <class Device>
 PatchPair patch_pair(const RenderedImages<Device>& images,
                      const DeviceView<Device>& a,
-                     const OtherView<Device>& other,
+                     const NeighbourView<Device>& other,
                      PixelCenter pixel_center) {
     const DeviceView<Device>& b = other.view();
     const Vec2f scale{static_cast<float>(a.grey_width) / static_cast<float>(a.camera.width_px),

@@ -163,8 +163,8 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
     std::vector<double> by(n, 0);
     for (int i = 0; i < views(); ++i) {
         const auto at = static_cast<std::size_t>(i);
-        const double* const g = gradients.data() + kCameraNumbers * i;
-        if (!std::all_of(g, g + kCameraNumbers, [](double v) { return std::isfinite(v); }))
+        const double* const g = gradients.data() + kCameraParameters * i;
+        if (!std::all_of(g, g + kCameraParameters, [](double v) { return std::isfinite(v); }))
             continue;  // the splats are not finite either, and the training rolls back
         for (std::size_t k = 0; k < 6; ++k)
             by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
@@ -193,7 +193,7 @@ CameraMove CameraRefinement::move(int view) const {
 }
 
 void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradients) {
-    const std::size_t expected = kCameraNumbers * given_.size();
+    const std::size_t expected = kCameraParameters * given_.size();
     if (numbers.size() != numbers_.size() || gradients != expected)
         throw Error(
             ExitCode::input,

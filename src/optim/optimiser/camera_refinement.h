@@ -47,7 +47,7 @@ public:
 
     int views() const { return static_cast<int>(given_.size()); }
 
-    /// Takes a step along `gradients` [views kCameraNumbers], laid out as CameraGradient. The
+    /// Takes a step along `gradients` [views kCameraParameters], laid out as CameraGradient. The
     /// gradients of a view count as 0 unless all are finite. Removes the motion that all views
     /// share, a similarity transform of the whole scene: it changes the frame and no image.
     void step(const std::vector<double>& gradients, double rate);
@@ -88,14 +88,14 @@ public:
     TrainedCameras(const Scene& scene, const CameraOptions& options) : options_(options) {
         if (!options.refine) return;
         refined_.emplace(scene, options);
-        gradients_.resize(static_cast<std::size_t>(kCameraNumbers * refined_->views()));
+        gradients_.resize(static_cast<std::size_t>(kCameraParameters * refined_->views()));
         gradients_.fill_zero();
     }
 
     /// Buffer for the derivatives by the camera of `view` at that step; empty: none are needed.
     Span<double> gradient_of(int step, int view) {
         if (!active(step)) return {};
-        return {gradients_.data() + kCameraNumbers * view, kCameraNumbers};
+        return {gradients_.data() + kCameraParameters * view, kCameraParameters};
     }
 
     /// Called after each step; the poses take a step after the last step of a round.
@@ -110,7 +110,7 @@ public:
     }
 
     /// Returns the current cameras once after each change and once at the start; null: unchanged.
-    const CameraRefinement* take_moved() {
+    const CameraRefinement* take_changed() {
         const bool moved = moved_ && refined_;
         moved_ = false;
         return moved ? &*refined_ : nullptr;
@@ -131,7 +131,7 @@ private:
 
     CameraOptions options_;
     std::optional<CameraRefinement> refined_;
-    Buffer<double, Device> gradients_;  // [views kCameraNumbers] of the round so far
+    Buffer<double, Device> gradients_;  // [views kCameraParameters] of the round so far
     bool moved_ = true;
 };
 

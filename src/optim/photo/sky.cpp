@@ -170,7 +170,7 @@ public:
     }
 
     /// Clears far blocks whose neighbours are not far: they match by chance.
-    void drop_chance() {
+    void drop_isolated() {
         count_.fill([&](std::size_t i) { return 1.0 * (textured_[i] && seen_[i]); });
         a_.fill([&](std::size_t i) { return 1.0 * far_[i]; });
         for_blocks([&](std::size_t i, int x, int y) {
@@ -178,15 +178,15 @@ public:
         });
     }
 
-    /// `beside_point`: per block, whether a point lies in or beside it.
-    FarPixels result(const std::vector<std::uint8_t>& beside_point) const {
+    /// `near_point`: per block, whether a point lies in or beside it.
+    FarPixels result(const std::vector<std::uint8_t>& near_point) const {
         FarPixels out{view_.block, view_.width, view_.height, {}};
         out.labels.assign(far_.size(), FarPixels::unknown);
         for (std::size_t i = 0; i < far_.size(); ++i) {
             const bool open = !seen_[i] || (same_[i] && !textured_[i]);
             if (far_[i])
                 out.labels[i] = FarPixels::far;
-            else if (view_.is[i] && open && !beside_point[i])
+            else if (view_.is[i] && open && !near_point[i])
                 out.labels[i] = FarPixels::open;
         }
         return out;
@@ -218,7 +218,7 @@ private:
 };
 
 /// Blocks with a point in them or in a neighbouring block.
-std::vector<std::uint8_t> blocks_beside(const Small& view, const std::vector<Sighting>& seen) {
+std::vector<std::uint8_t> blocks_near_points(const Small& view, const std::vector<Sighting>& seen) {
     std::vector<std::uint8_t> beside(view.grey.size());
     for (const Sighting& s : seen) {
         const int x = s.x / view.block, y = s.y / view.block;
@@ -306,10 +306,12 @@ int sky_size(const std::vector<View>& views) {
 
 }  // namespace
 
-SkyLook look_for_sky(const std::vector<View>& views, const std::vector<Vec3f>& points, bool masks) {
+SkyDetection detect_sky(const std::vector<View>& views,
+                        const std::vector<Vec3f>& points,
+                        bool masks) {
     std::vector<Small> small;
     for (const View& view : views) small.emplace_back(view, masks);
-    SkyLook look;
+    SkyDetection look;
     look.views.resize(views.size());
     std::vector<std::array<std::ptrdiff_t, 3>> counts(views.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int number) {
@@ -320,8 +322,8 @@ SkyLook look_for_sky(const std::vector<View>& views, const std::vector<Vec3f>& p
         Comparison compared(small[v]);
         const std::vector<std::size_t> others = others_of(v, small, quantile(depths, kFarPoints));
         for (const std::size_t o : others) compared.add(seen_far_away(small[v], small[o]));
-        compared.drop_chance();
-        look.views[v] = compared.result(blocks_beside(small[v], seen));
+        compared.drop_isolated();
+        look.views[v] = compared.result(blocks_near_points(small[v], seen));
         counts[v] = compared.counts();
     });
     std::array<double, 3> sums{};
@@ -331,9 +333,9 @@ SkyLook look_for_sky(const std::vector<View>& views, const std::vector<Vec3f>& p
     return look;
 }
 
-std::vector<std::size_t> points_before_sky(const std::vector<View>& views,
-                                           const SkyLook& look,
-                                           const std::vector<Vec3f>& points) {
+std::vector<std::size_t> points_outside_sky(const std::vector<View>& views,
+                                            const SkyDetection& look,
+                                            const std::vector<Vec3f>& points) {
     std::vector<std::uint8_t> before(points.size(), 1);
     for (std::size_t v = 0; v < views.size(); ++v) {
         const FarPixels& far = look.views[v];
@@ -354,7 +356,7 @@ std::vector<std::size_t> points_before_sky(const std::vector<View>& views,
     return kept;
 }
 
-ImageU8 make_sky(const std::vector<View>& views, const SkyLook& look) {
+ImageU8 make_sky(const std::vector<View>& views, const SkyDetection& look) {
     constexpr double kSamples = 5e7;  // number of pixels read
     const int size = sky_size(views);
     std::vector<Texel> texels(static_cast<std::size_t>(size) * size);

@@ -27,7 +27,7 @@ struct FarPixels {
     bool is_far(int x, int y) const { return at(x, y) == far; }
 };
 
-struct SkyLook {
+struct SkyDetection {
     std::vector<FarPixels> views;  // of the training views; empty: not searched
     /// Far blocks divided by textured blocks that another view would see if they were far; NaN: too
     /// few of these.
@@ -36,17 +36,17 @@ struct SkyLook {
 
 /// Labels the pixels of all views. `points`: of the scene; compares views far enough apart to move
 /// even the most distant points by some pixels. `masks`: ignores pixels outside of masks.
-SkyLook look_for_sky(const std::vector<View>& views,
-                     const std::vector<Vec3f>& points,
-                     bool masks = false);
+SkyDetection detect_sky(const std::vector<View>& views,
+                        const std::vector<Vec3f>& points,
+                        bool masks = false);
 
 /// Indices of the points, without those that a view shows in the middle of a far area.
-std::vector<std::size_t> points_before_sky(const std::vector<View>& views,
-                                           const SkyLook& look,
-                                           const std::vector<Vec3f>& points);
+std::vector<std::size_t> points_outside_sky(const std::vector<View>& views,
+                                            const SkyDetection& look,
+                                            const std::vector<Vec3f>& points);
 
 /// Returns a SkyMap [size size 3]: the mean of far pixels; where there are none, of open pixels;
 /// elsewhere filled from neighbouring texels.
-ImageU8 make_sky(const std::vector<View>& views, const SkyLook& look);
+ImageU8 make_sky(const std::vector<View>& views, const SkyDetection& look);
 
 }  // namespace tvsgs

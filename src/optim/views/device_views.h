@@ -15,8 +15,8 @@
 namespace tvsgs {
 
 /// Number of views that one iteration and the next use.
-inline int views_at_hand(const LossNeeds& needs) {
-    return 2 * (1 + needs.other_views);
+inline int views_in_use(const LossNeeds& needs) {
+    return 2 * (1 + needs.neighbour_views);
 }
 
 namespace detail {
@@ -37,7 +37,7 @@ struct GreyBody {
 }  // namespace detail
 
 /// Holds all photographs and maps on the device if they fit into `budget` bytes, or if `budget` is
-/// 0. Otherwise holds views_at_hand() views at a time and replaces them as get() requires. The
+/// 0. Otherwise holds views_in_use() views at a time and replaces them as get() requires. The
 /// choice does not depend on the device.
 template <class Device>
 class DeviceViews {
@@ -58,7 +58,7 @@ public:
             }
         }
         if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) ||
-            views.size() <= static_cast<std::size_t>(views_at_hand(needs))) {
+            views.size() <= static_cast<std::size_t>(views_in_use(needs))) {
             Buffer<std::uint8_t, Device> raw;
             for (std::size_t i = 0; i < views.size(); ++i)
                 for_each_buffer(views_[i], [&](std::size_t a, auto& buffer) {
@@ -77,7 +77,7 @@ public:
             hosts_.clear();
             return;
         }
-        uploads_.resize(static_cast<std::size_t>(views_at_hand(needs)));
+        uploads_.resize(static_cast<std::size_t>(views_in_use(needs)));
         for (Upload& upload : uploads_) {
             upload.memory.maps.resize(needs_maps(needs));
             std::size_t raw = 0;  // bytes of a mask
@@ -104,7 +104,7 @@ public:
     }
 
     /// Returns the view with its photographs and maps. They stay valid until get() or prefetch()
-    /// has been called for views_at_hand() other views.
+    /// has been called for views_in_use() other views.
     const DeviceView<Device>& get(int view) {
         if (!all_resident()) {
             Upload& upload = bring(view);

@@ -7,7 +7,7 @@
 #include "core/device/parallel.h"
 #include "core/log.h"
 #include "core/progress.h"
-#include "core/scene/sight_limits.h"
+#include "core/scene/view_frustum.h"
 
 namespace tvsgs {
 
@@ -54,7 +54,7 @@ Matchable::Matchable(const View& view,
         for (const int y : {-1, own.height_px})
             corners.push_back(world * (static_cast<float>(depth) * pixel_ray(own, x, y)));
     for (const View& other : views)
-        if (&other != &view && !SightLimits(other.camera).misses(corners))
+        if (&other != &view && !ViewFrustum(other.camera).misses(corners))
             others_.push_back(&other.camera);
 }
 
@@ -90,7 +90,7 @@ bool Matchable::is_textured(int x, int y) const {
     return squares / n - (sum / n) * (sum / n) > kFlat * kFlat;
 }
 
-bool Matchable::is_elsewhere(int x, int y) const {
+bool Matchable::is_in_other_view(int x, int y) const {
     if (!(depth_ > 0)) return true;
     const Rigid3f world = inverse(view_.camera.camera_from_world);
     const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));

@@ -49,7 +49,7 @@ public:
     bool at(int x, int y) const {
         if (masks_ && view_.mask.at(x, y) < kObjectMask) return false;
         if (sky_ != nullptr && sky_->is_far(x, y)) return false;
-        return is_textured(x, y) && is_elsewhere(x, y);
+        return is_textured(x, y) && is_in_other_view(x, y);
     }
 
     /// Share of matchable pixels, estimated from a sample.
@@ -61,7 +61,7 @@ public:
 
 private:
     bool is_textured(int x, int y) const;
-    bool is_elsewhere(int x, int y) const;
+    bool is_in_other_view(int x, int y) const;
 
     const View& view_;
     bool masks_;

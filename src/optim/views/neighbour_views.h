@@ -55,10 +55,10 @@ struct ResolveDepthBody {
 /// A neighbour view. If it is rendered, losses pass derivatives to its depth map, and it runs its
 /// own backward pass.
 template <class Device>
-class OtherView {
+class NeighbourView {
 public:
     /// Without a backbone the view is not rendered.
-    explicit OtherView(std::unique_ptr<Backbone<Device>> backbone)
+    explicit NeighbourView(std::unique_ptr<Backbone<Device>> backbone)
         : backbone_(std::move(backbone)) {
         valid_count_.resize(1);
         partial_.resize(kSumBlocks);
@@ -149,14 +149,14 @@ private:
 /// The neighbour views of one step, drawn from the views paired with the current view; the first
 /// ones are rendered.
 template <class Device>
-class OtherViews {
+class NeighbourViews {
 public:
     static constexpr int kMost = 4;  // per step: one draw of the generator has four numbers
 
     /// Makes one neighbour view per entry of `backbones`, at most kMost; null: it is not rendered.
-    OtherViews(ViewPairs pairs,
-               std::vector<std::unique_ptr<Backbone<Device>>> backbones,
-               std::uint64_t seed)
+    NeighbourViews(ViewPairs pairs,
+                   std::vector<std::unique_ptr<Backbone<Device>>> backbones,
+                   std::uint64_t seed)
         : pairs_(std::move(pairs)), seed_(seed) {
         for (auto& backbone : backbones) others_.emplace_back(std::move(backbone));
     }
@@ -165,7 +165,7 @@ public:
     std::vector<int> choose(int step, int reference) const {
         std::vector<int> left = pairs_.of_view[static_cast<std::size_t>(reference)], chosen;
         const Random4 draws =
-            random4(seed_, RandomStream::other_views, static_cast<std::uint64_t>(step));
+            random4(seed_, RandomStream::neighbour_views, static_cast<std::uint64_t>(step));
         for (std::size_t i = 0; i < others_.size() && !left.empty(); ++i) {
             const float draw = uniform(draws.v[i]);
             const auto at = std::min(
@@ -196,12 +196,12 @@ public:
     }
 
     int count() const { return count_; }  // of the current step
-    OtherView<Device>& operator[](int i) { return others_[static_cast<std::size_t>(i)]; }
+    NeighbourView<Device>& operator[](int i) { return others_[static_cast<std::size_t>(i)]; }
 
 private:
     ViewPairs pairs_;
     std::uint64_t seed_;
-    std::vector<OtherView<Device>> others_;
+    std::vector<NeighbourView<Device>> others_;
     int count_ = 0;
 };
 

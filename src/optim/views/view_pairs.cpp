@@ -104,7 +104,7 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
                     chosen.push_back(c.view);
         };
         choose_within(options.max_angle_deg);
-        if (chosen.empty()) choose_within(options.lone_angle_deg);
+        if (chosen.empty()) choose_within(options.fallback_angle_deg);
         if (!chosen.empty()) continue;
         ++found.lonely;
         const Candidate& nearest = others.nearest;
@@ -151,7 +151,7 @@ ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, 
             "Multi-view losses are off for {} of {} training views: no other view within {:.4g} "
             "degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
             found.lonely, views,
-            static_cast<double>(std::max(options.max_angle_deg, options.lone_angle_deg)),
+            static_cast<double>(std::max(options.max_angle_deg, options.fallback_angle_deg)),
             static_cast<double>(relative ? options.min_baseline : options.min_distance),
             static_cast<double>(relative ? options.max_baseline : options.max_distance), unit,
             relative ? "relative" : "official",

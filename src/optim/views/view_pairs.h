@@ -16,7 +16,7 @@ enum class PairLimits { official, relative };
 struct ViewPairOptions {
     PairLimits limits = PairLimits::official;
     int count = 8;
-    float max_angle_deg = 30, lone_angle_deg = 0, min_distance = 0.01f, max_distance = 1.5f,
+    float max_angle_deg = 30, fallback_angle_deg = 0, min_distance = 0.01f, max_distance = 1.5f,
           min_baseline = 0.005f, max_baseline = 1;
     int samples = 102400;
 
@@ -28,7 +28,7 @@ struct ViewPairOptions {
         field("count", count, {1, 1e6}, "most neighbour views of a view");
         field("max_angle_deg", max_angle_deg, {0, 180},
               "largest angle between the optical axes, degrees");
-        field("lone_angle_deg", lone_angle_deg, {0, 180},
+        field("fallback_angle_deg", fallback_angle_deg, {0, 180},
               "largest angle for views without a neighbour within max_angle_deg, degrees; used if "
               "larger");
         field("min_distance", min_distance, {0, 1e9},

@@ -72,7 +72,7 @@ private:
     BlockJob job_;
     LineLog log_;
     double begin_, iteration_ = 0;
-    Pace pace_;
+    ProgressRate pace_;
     std::vector<std::string> last_lines_;  // its error message, or one line
     ChildProcess process_;
 };

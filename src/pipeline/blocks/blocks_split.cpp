@@ -83,7 +83,7 @@ double shortest_side(const GroundCell& cell, const Box3d& near) {
 }
 
 /// Whether a sphere may appear in an image.
-bool may_show(const Camera& camera, Vec3f centre, float radius) {
+bool may_be_visible(const Camera& camera, Vec3f centre, float radius) {
     const Vec3f p = camera.camera_from_world * centre;
     if (!(p.z + radius > 0)) return false;
     if (!(p.z > radius)) return true;  // the camera may be inside
@@ -196,7 +196,7 @@ std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
     return all;
 }
 
-void look_with_view(const Gaussians<Cpu>& coarse,
+void add_block_view(const Gaussians<Cpu>& coarse,
                     const BlocksManifest& manifest,
                     const std::vector<std::vector<int>>& counted,
                     const Camera& camera,
@@ -270,7 +270,7 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
             }
             const float radius = 3 * std::exp(std::max({scales[i].x, scales[i].y, scales[i].z}));
             if (std::any_of(cameras.begin(), cameras.end(), [&](const Camera& camera) {
-                    return may_show(camera, means[i], radius);
+                    return may_be_visible(camera, means[i], radius);
                 }))
                 block.fixed.push_back(static_cast<int>(i));
         }

@@ -42,7 +42,7 @@ struct BlockContents {
     double expected = 0;     // number of splats
 };
 
-/// Returns the contents of each block, in order. `looks`: from look_at_blocks().
+/// Returns the contents of each block, in order. `looks`: from find_block_views().
 std::vector<BlockContents> fill_blocks(const Scene& scene,
                                        const Gaussians<Cpu>& coarse,
                                        const BlocksManifest& manifest,
@@ -57,7 +57,7 @@ std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
                                              std::size_t most = 20000);
 
 /// Adds to each block how much of it view `v` sees. `depth`: for the rays of `camera`.
-void look_with_view(const Gaussians<Cpu>& coarse,
+void add_block_view(const Gaussians<Cpu>& coarse,
                     const BlocksManifest& manifest,
                     const std::vector<std::vector<int>>& counted,
                     const Camera& camera,
@@ -68,10 +68,10 @@ void look_with_view(const Gaussians<Cpu>& coarse,
 /// [block][view]: how much of each block each training view sees, by rendering the depth of the
 /// coarse splats.
 template <class Device>
-std::vector<std::vector<BlockView>> look_at_blocks(const Scene& scene,
-                                                   const Gaussians<Cpu>& coarse,
-                                                   const TrainOptions& options,
-                                                   const BlocksManifest& manifest) {
+std::vector<std::vector<BlockView>> find_block_views(const Scene& scene,
+                                                     const Gaussians<Cpu>& coarse,
+                                                     const TrainOptions& options,
+                                                     const BlocksManifest& manifest) {
     std::vector<std::vector<BlockView>> looks(static_cast<std::size_t>(manifest.count()),
                                               std::vector<BlockView>(scene.train.size()));
     const auto counted = counted_splats(coarse, manifest);
@@ -82,7 +82,7 @@ std::vector<std::vector<BlockView>> look_at_blocks(const Scene& scene,
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         progress.advance();
         const auto& images = backbone->forward(splats, scene.train[v].camera, 0, kGeometryMaps);
-        look_with_view(coarse, manifest, counted, images.camera, to_host(images.depth), v, looks);
+        add_block_view(coarse, manifest, counted, images.camera, to_host(images.depth), v, looks);
     }
     return looks;
 }

@@ -154,7 +154,7 @@ void fit_view(const ReadingChoice& choice, float max_residual, FittedView& view)
     view.fit = fit_prior(view.samples, view.reading);
     if (view.reading.alignment == PriorAlignment::metric && !view.fit.found)
         view.fit = {true, 1, 0, 0};  // its numbers are depths, although no points confirm it
-    view.left_out = tells_nothing(view.fit) ||
+    view.left_out = is_uninformative(view.fit) ||
                     (view.fit.found && !(view.fit.residual <= static_cast<double>(max_residual)));
 }
 
@@ -219,7 +219,7 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     });
     warn_of_views(fitted, views);
     const auto empty = std::count_if(fitted.begin(), fitted.end(),
-                                     [](const FittedView& v) { return tells_nothing(v.fit); });
+                                     [](const FittedView& v) { return is_uninformative(v.fit); });
     const auto tested = std::count_if(fitted.begin(), fitted.end(),
                                       [](const FittedView& v) { return v.fit.found; });
     if (2 * empty > tested)

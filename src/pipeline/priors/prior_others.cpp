@@ -143,7 +143,7 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
     std::vector<bool> left_out(files.size());
     for (std::size_t i = 0; i < files.size(); ++i) {
         const PriorAgreement agreement = agreement_of(found[i], choice.reading);
-        left_out[i] = tells_nothing(agreement);
+        left_out[i] = is_uninformative(agreement);
         if (left_out[i])
             bad.push_back(str(files[i].view->view->name, " (", degrees_of(agreement.cosine),
                               ", constant normal ", degrees_of(agreement.cosine_of_constant), ")"));

@@ -128,7 +128,7 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place) {
     return std::nullopt;
 }
 
-void adopt_scene(const ResumePoint& point, Scene& scene) {
+void restore_scene(const ResumePoint& point, Scene& scene) {
     if (value_of<std::uint32_t>(*point.state, "run.views") != views_id(scene))
         throw Error(ExitCode::input,
                     str(point.file, ": checkpoint of another scene: other names or poses than the ",

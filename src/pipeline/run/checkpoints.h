@@ -30,7 +30,7 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place);
 
 /// Gives the scene the initial points and extent of the checkpoint. Throws Error(ExitCode::input)
 /// when the training views differ; warns when the photographs differ.
-void adopt_scene(const ResumePoint& point, Scene& scene);
+void restore_scene(const ResumePoint& point, Scene& scene);
 
 /// Checksums of a scene: names and poses of its training views, independent of the resolution;
 /// photographs; initial points.

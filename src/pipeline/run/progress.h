@@ -37,7 +37,7 @@ private:
     int iterations_ = 0;
     std::vector<int> phases_;  // iterations from which on iterations take longer, ascending
     int last_ = 0;             // last iteration shown
-    Pace pace_;
+    ProgressRate pace_;
     double begin_, last_plain_ = -1e9, paused_at_ = -1;  // paused_at_ < 0: the clock runs
 };
 

@@ -41,7 +41,7 @@ void write_refined_cameras(const std::string& run, const Scene& scene) {
     write_text_file(folder_of(run) + "/images.txt", images.str());
 }
 
-void adopt_refined_cameras(const std::string& run, Scene& scene) {
+void apply_refined_cameras(const std::string& run, Scene& scene) {
     const std::string folder = folder_of(run);
     std::error_code code;
     if (!std::filesystem::is_directory(folder, code)) return;

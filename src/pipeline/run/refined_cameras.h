@@ -14,7 +14,7 @@ void write_refined_cameras(const std::string& run, const Scene& scene);
 
 /// Sets the refined poses of the run on the scene's training views, by name; keeps other views.
 /// Does nothing where the run has no refined poses. Throws Error(ExitCode::input).
-void adopt_refined_cameras(const std::string& run, Scene& scene);
+void apply_refined_cameras(const std::string& run, Scene& scene);
 
 /// Motion of each view, for the log: {"views": {NAME: {"turn_px": ...}}}.
 JsonValue camera_moves_json(const Scene& scene, const CameraRefinement& refined);

@@ -33,7 +33,7 @@ bool is_configured(const Resume& resume, const std::string& out) {
     return resume.asked && (resume.point || fs::exists(out + "/config.json", code));
 }
 
-void require_nothing_lost(const Resume& resume, const std::string& out) {
+void require_no_lost_splats(const Resume& resume, const std::string& out) {
     if (!resume.in_place() || resume.point || !holds_splats(out)) return;
     throw Error(ExitCode::usage,
                 str("--resume: ", out,

@@ -36,7 +36,7 @@ bool is_configured(const Resume& resume, const std::string& out);
 
 /// Throws Error(ExitCode::usage) where --resume found no checkpoint in a run with splats, as a new
 /// start would remove them. `out`: the run's folder.
-void require_nothing_lost(const Resume& resume, const std::string& out);
+void require_no_lost_splats(const Resume& resume, const std::string& out);
 
 /// Throws Error(ExitCode::usage) if the checkpoint has done `iterations` already.
 void require_iterations_left(const Resume& resume, int iterations);

@@ -33,7 +33,7 @@ constexpr std::string_view kEntries[] = {
 
 /// Whether there is a file with contents, there or below. (A run killed before it has a
 /// configuration leaves an empty log.)
-bool holds_work(const fs::path& path) {
+bool has_contents(const fs::path& path) {
     std::error_code code;
     if (fs::is_regular_file(path, code)) return !fs::is_empty(path, code);
     for (fs::recursive_directory_iterator it(path, code), end; !code && it != end;
@@ -85,7 +85,7 @@ void require_output(const std::string& out,
     }
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
-    require_no_record(out);
+    require_not_results_file(out);
     // Check now: these errors would otherwise appear after all the work.
     std::error_code code;
     fs::path folder = fs::absolute(out, code).lexically_normal().parent_path();
@@ -117,7 +117,7 @@ void require_free_run_folder(const std::string& path,
                                              ": holds other results, such as a scene of "
                                              "tvsgs-synth; choose another folder with --out"));
         for (const std::string_view entry : kEntries)
-            if (holds_work(fs::path(path) / entry))
+            if (has_contents(fs::path(path) / entry))
                 throw Error(
                     ExitCode::usage,
                     str(path, ": not a run folder (no config.json), but it has ", entry,
@@ -409,7 +409,7 @@ Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
                 fs::is_directory(path, code) ? path : fs::path(path).parent_path().string();
             Scene scene = read_scene(of_run);
             if (!options.given_cameras) {
-                adopt_refined_cameras(path, scene);
+                apply_refined_cameras(path, scene);
                 require_scene_of_run(path, scene);
             }
             return scene;

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kEndingSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
-constexpr double kOneRequest = 0.1;  // seconds: `timeout` sends its signal twice at once
+constexpr double kRepeatSeconds = 0.1;  // seconds: `timeout` sends its signal twice at once
 volatile std::sig_atomic_t first_signal = 0;
 double first_at = 0;  // seconds on the monotonic clock
 
@@ -21,12 +21,12 @@ extern "C" void end_at_once(int signal) {
 }
 
 /// A second signal ends the command without waiting for the save.
-extern "C" void note_signal(int signal) {
+extern "C" void record_signal(int signal) {
     timespec now{};
     clock_gettime(CLOCK_MONOTONIC, &now);
     const double at = static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
     if (first_signal != 0) {
-        if (at - first_at > kOneRequest) end_at_once(signal);
+        if (at - first_at > kRepeatSeconds) end_at_once(signal);
         return;
     }
     first_at = at;
@@ -34,7 +34,7 @@ extern "C" void note_signal(int signal) {
 }
 
 /// Keeps SIGHUP ignored under nohup.
-void on_ending_signals(void (*handler)(int)) {
+void handle_ending_signals(void (*handler)(int)) {
     for (const int signal : kEndingSignals) {
         struct sigaction now {};
         if (sigaction(signal, nullptr, &now) != 0 ||
@@ -50,16 +50,16 @@ void on_ending_signals(void (*handler)(int)) {
 }  // namespace
 
 void end_on_signals() {
-    on_ending_signals(end_at_once);
+    handle_ending_signals(end_at_once);
 }
 
 SignalGuard::SignalGuard() {
     first_signal = 0;
-    on_ending_signals(note_signal);
+    handle_ending_signals(record_signal);
 }
 
 SignalGuard::~SignalGuard() {
-    on_ending_signals(end_at_once);
+    handle_ending_signals(end_at_once);
 }
 
 int SignalGuard::received() {

@@ -19,9 +19,9 @@ namespace tvsgs {
 /// Blending weight of each splat, summed over all pixels of all cameras; 0 for a splat that no
 /// camera sees. Renders with the backbone of `options`; ignores Gaussians::filter.
 template <class Device>
-std::vector<double> light_of_splats(const Gaussians<Cpu>& gaussians,
-                                    const std::vector<Camera>& cameras,
-                                    const TrainOptions& options) {
+std::vector<double> blend_weight_of_splats(const Gaussians<Cpu>& gaussians,
+                                           const std::vector<Camera>& cameras,
+                                           const TrainOptions& options) {
     // An image is the sum of weights times colours, so its gradient by a splat's colour is the sum
     // of its weights. All splats are grey, so that no colour is clamped.
     Gaussians<Cpu> grey_host;
@@ -61,7 +61,7 @@ struct SelectionReport {
     std::int64_t outside = 0, invisible = 0, unseen = 0, beyond_most = 0;
 };
 
-/// Removes splats as selected. `light`: from light_of_splats(), or empty, which requires
+/// Removes splats as selected. `light`: from blend_weight_of_splats(), or empty, which requires
 /// `drop_unseen` = false. Of equal splats the first are kept.
 SelectionReport select_splats(const SplatSelection& selection,
                               const std::vector<double>& light,
@@ -98,8 +98,9 @@ RenderScores compare_renders(const Gaussians<Cpu>& before,
     for (const View& view : views) {
         const auto render = [&](const Gaussians<Device>& g) {
             const auto& images = backbone->forward(g, view.camera, g.sh_degree, Maps::color);
-            return detail::render_of(images.width, images.height,
-                                     colors_before(options.loss.photometric, view.camera, images));
+            return detail::render_of(
+                images.width, images.height,
+                colors_over_background(options.loss.photometric, view.camera, images));
         };
         const detail::Render a = render(first), b = render(second);
         scores.push_back(

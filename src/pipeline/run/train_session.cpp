@@ -46,12 +46,12 @@ private:
 
     // After the training, which took `seconds`.
     void finish(const Gaussians<Device>& trained, double seconds);
-    void settle_budget(double seconds);
+    void finish_budget(double seconds);
     void warn_of_few(int splats) const;
-    void say_how_it_ended(double seconds);
+    void log_end(double seconds);
     void save_refined_cameras() const;
     void write_results(const Gaussians<Device>& trained, double seconds);
-    void say_what_is_scored() const;
+    void log_scored_pixels() const;
     void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
 
     /// Without the seconds before the run was resumed.
@@ -96,7 +96,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState star
 
 template <class Device>
 void TrainSession<Device>::run() {
-    say_what_is_scored();
+    log_scored_pixels();
     TrainCallbacks told = callbacks();
     Gaussians<Device> trained;
     try {
@@ -124,7 +124,7 @@ void TrainSession<Device>::run() {
 
 template <class Device>
 void TrainSession<Device>::finish(const Gaussians<Device>& trained, double seconds) {
-    settle_budget(seconds);
+    finish_budget(seconds);
     Gaussians<Cpu> splats;
     copy(trained, splats);
     warn_of_few(splats.size());
@@ -134,7 +134,7 @@ void TrainSession<Device>::finish(const Gaussians<Device>& trained, double secon
     run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
     if (refined_) save_refined_cameras();
     if (!exposures_.empty()) write_exposures(run_.path(), in_.scene, exposures_);
-    say_how_it_ended(seconds);
+    log_end(seconds);
     SignalGuard::check();
 
     run_.remove_splats_of_stops(done_);
@@ -143,15 +143,14 @@ void TrainSession<Device>::finish(const Gaussians<Device>& trained, double secon
     spdlog::debug("{} splats after {} iterations in {:.1f} s, peak {} MiB", grouped(splats.size()),
                   done_, seconds, memory_use(Device{}).peak_bytes >> 20);
     if (!checkpoints_.failure().empty())
-        throw Error(ExitCode::io,
-                    str(run_.path(),
+        throw Error(ExitCode::io, str(run_.path(),
                                       ": the run is complete, but --resume cannot extend it: the "
                                       "last checkpoint was not saved: ",
                                       checkpoints_.failure()));
 }
 
 template <class Device>
-void TrainSession<Device>::say_what_is_scored() const {
+void TrainSession<Device>::log_scored_pixels() const {
     const std::vector<View>& views = in_.scene.test;
     if (training_.loss.photometric.masks == MaskUse::object && have_masks(views) &&
         !has_object(views))
@@ -264,7 +263,7 @@ void TrainSession<Device>::fit_to_budget() {
 }
 
 template <class Device>
-void TrainSession<Device>::settle_budget(double seconds) {
+void TrainSession<Device>::finish_budget(double seconds) {
     const double asked = in_.options.plan.time_budget, took = seconds - in_.resume.seconds();
     if (!(asked > 0) || done_ != training_.iterations) return;
     if (took > 1.1 * asked)
@@ -288,7 +287,7 @@ void TrainSession<Device>::warn_of_few(int splats) const {
 }
 
 template <class Device>
-void TrainSession<Device>::say_how_it_ended(double seconds) {
+void TrainSession<Device>::log_end(double seconds) {
     const auto last = checkpoints_.finish();
     const Convergence& convergence = scores_.convergence();
     if (convergence.over())

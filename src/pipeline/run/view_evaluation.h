@@ -47,7 +47,7 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
                                                Maps::color | kGeometryMaps);
         const std::vector<Vec3f> colors =
-            colors_before(options.loss.photometric, view.camera, images);
+            colors_over_background(options.loss.photometric, view.camera, images);
         const ImageU8 render = color_image(images.width, images.height, colors);
         scorer.add(view, render, colors);
         on_render(view, render, images);

@@ -195,7 +195,7 @@ struct Frame {
 
 /// Frames with swapped, rotated and mirrored axes, and other units. `origin`: of the scene's frame,
 /// see Scene.
-std::vector<Frame> usual_frames(Vec3d origin) {
+std::vector<Frame> candidate_frames(Vec3d origin) {
     std::vector<Frame> frames;
     const auto add = [&](std::string words, const Mat3<double>& A) {
         frames.push_back({std::move(words), {A, A * origin - origin}});
@@ -240,7 +240,7 @@ void read_fixed_points(const RunOptions& options, Scene& scene) {
     scene.fixed_voters = read_mesh(tv.fixed_voters, scene.origin, false).points;
     // Validate before the run exists, and with the file's point numbers.
     make_fixed_voters(scene.fixed_voters, tv);
-    if (drop_unusable(scene.fixed_voters, tv.fixed_voters) > 0)
+    if (drop_invalid_points(scene.fixed_voters, tv.fixed_voters) > 0)
         make_fixed_voters(scene.fixed_voters, tv);
 }
 
@@ -254,11 +254,11 @@ void read_fixed_splats(const RunOptions& options, Scene& scene) {
     spdlog::info("{}: draws {} fixed splats", file, grouped(scene.fixed_splats->size()));
 }
 
-FixedPointsLook look_at_fixed_points(const Scene& scene) {
+FixedPointsAgreement compare_fixed_points(const Scene& scene) {
     const Frames frames(scene);
     const Frames::Score here = frames.of({});
-    FixedPointsLook look{frames.share_in_two_views(), here.compared, here.agreeing,
-                         here.tolerance_px,           here.agreeing, ""};
+    FixedPointsAgreement look{frames.share_in_two_views(), here.compared, here.agreeing,
+                              here.tolerance_px,           here.agreeing, ""};
     const auto consider = [&](Frame frame, double margin) {
         const double scale = norm(column(frame.scene_from_file.A, 0));
         // Where half of them agree, the unit is right: a shrunk cloud always fits onto the ground.
@@ -267,7 +267,7 @@ FixedPointsLook look_at_fixed_points(const Scene& scene) {
         if (score.meets && score.agreeing > look.better + margin)
             look.better = score.agreeing, look.frame = std::move(frame.words);
     };
-    for (Frame& frame : usual_frames(scene.origin)) consider(std::move(frame), 0);
+    for (Frame& frame : candidate_frames(scene.origin)) consider(std::move(frame), 0);
     const Affine3d pulled = frames.pulled();
     consider({str("scaled by ", number(std::cbrt(std::abs(determinant(pulled.A)))),
                   ", turned as its nearest points ask for, and then moved by (", number(pulled.t.x),
@@ -277,7 +277,9 @@ FixedPointsLook look_at_fixed_points(const Scene& scene) {
     return look;
 }
 
-void check_fixed_points(const FixedPointsLook& look, std::size_t points, const std::string& path) {
+void check_fixed_points(const FixedPointsAgreement& look,
+                        std::size_t points,
+                        const std::string& path) {
     constexpr double kSeen = 0.01, kAgreeing = 0.15, kBetter = 0.08;
     const double chance = 1 / std::sqrt(std::max(100.0, static_cast<double>(look.compared)));
     const bool elsewhere = look.better > look.agreeing + kBetter + chance;

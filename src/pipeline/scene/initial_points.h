@@ -18,8 +18,9 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
 
 /// Checks and thins a cloud from a file (scene.init_ply); replaces a cloud that is too small by a
 /// stereo cloud, if that has more points. Expects a scene without points outside of object masks
-/// (keep_to_object()), and removes such points from the stereo cloud. Compares measured points with
-/// the cloud and fills its gaps with them. Returns the stereo maps, from which priors can be made.
+/// (limit_to_object()), and removes such points from the stereo cloud. Compares measured points
+/// with the cloud and fills its gaps with them. Returns the stereo maps, from which priors can be
+/// made.
 inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
@@ -36,7 +37,7 @@ inline StereoStart prepare_points(const DeviceChoice& device,
             StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
                                               stereo_cap(init.max_points));
             stereo.maps = std::move(found.maps);
-            keep_to_object(options.train.loss.photometric.masks, scene.train, found.cloud);
+            limit_to_object(options.train.loss.photometric.masks, scene.train, found.cloud);
             if (found.cloud.positions.size() > scene.points.positions.size())
                 scene.points = std::move(found.cloud);
         } catch (const Error& error) {
@@ -50,7 +51,7 @@ inline StereoStart prepare_points(const DeviceChoice& device,
         const std::size_t measured = scene.fixed_voters.positions.size();
         std::string agreement;
         if (options.train.tv.fixed_check) {
-            const FixedPointsLook look = look_at_fixed_points(scene);
+            const FixedPointsAgreement look = compare_fixed_points(scene);
             check_fixed_points(look, measured, file);
             agreement = fmt::format("; {:.0f} % agree with the start cloud within {:.1f} pixels",
                                     100 * look.agreeing, look.tolerance_px);

@@ -69,7 +69,7 @@ std::size_t drop_background_points(const std::vector<View>& views, PointCloud& c
     return dropped;
 }
 
-void keep_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud) {
+void limit_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud) {
     if (use != MaskUse::object) return;
     if (const std::size_t dropped = drop_background_points(views, cloud))
         spdlog::debug("Dropped {} start points outside the masks", dropped);

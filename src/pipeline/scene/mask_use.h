@@ -28,6 +28,6 @@ inline StereoOptions stereo_options(const RunOptions& options) {
 std::size_t drop_background_points(const std::vector<View>& views, PointCloud& cloud);
 
 /// Calls drop_background_points() if training uses object masks; logs the result.
-void keep_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud);
+void limit_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud);
 
 }  // namespace tvsgs

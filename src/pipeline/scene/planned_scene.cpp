@@ -99,7 +99,7 @@ private:
     RunPlan plan_;
     Scene scene_;
     SceneLook look_;
-    SkyLook sky_;
+    SkyDetection sky_;
     StereoStart stereo_;
 };
 
@@ -120,7 +120,7 @@ void Preparation::read_views(bool resumed) {
     if (planned_) apply(decide_masks(look_at_masks(scene_.train, scene_.points.positions)));
     check_masks(photometric_, scene_.train);
     check_consistency(options_.train);  // before stereo: masks of an object need coverage
-    keep_to_object(photometric_.masks, scene_.train, scene_.points);
+    limit_to_object(photometric_.masks, scene_.train, scene_.points);
 }
 
 void Preparation::decide_settings(const ChosenViews& chosen) {
@@ -243,7 +243,7 @@ void Preparation::provide_training(bool priors) {
 void Preparation::provide_resumed(const ResumePoint& point) {
     read_fixed_splats(options_, scene_);
     stereo_ = {scene_.points.positions, {}};
-    adopt_scene(point, scene_);
+    restore_scene(point, scene_);
     read_sky(photometric_, point.run);
     provide_maps(device_, options_, std::move(stereo_), scene_);
 }
@@ -286,7 +286,7 @@ void check_consistency(const TrainOptions& options) {
                     "loss.tv_position.weight is above 0; "
                     "set both weights to 0, or tv.enabled to true");
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
-    check_cameras(options, backbone->traits.moves_cameras);
+    check_cameras(options, backbone->traits.has_camera_gradient);
     for (const TermOnList& term : terms_on_list(options.loss)) {
         if (!(term.weight > 0)) continue;
         const std::string lacks = names_of(without(term.needs.maps, backbone->traits.maps));

@@ -12,9 +12,9 @@ namespace tvsgs {
 /// [H W] The colours of `images`, which have a transmittance, over the background; a random
 /// background counts as black.
 template <class Images>
-std::vector<Vec3f> colors_before(const PhotometricOptions& options,
-                                 const Camera& camera,
-                                 const Images& images) {
+std::vector<Vec3f> colors_over_background(const PhotometricOptions& options,
+                                          const Camera& camera,
+                                          const Images& images) {
     std::vector<Vec3f> colors = to_host(images.color);
     const PhotoBackground background = parse_background(options.background);
     const bool is_sky = background.kind == PhotoBackground::Kind::sky;

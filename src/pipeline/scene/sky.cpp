@@ -18,16 +18,16 @@ std::string file_of(const std::string& run) {
 
 }  // namespace
 
-SkyLook provide_sky(Configuration& config, Scene& scene, RunPlan* plan) {
+SkyDetection provide_sky(Configuration& config, Scene& scene, RunPlan* plan) {
     PhotometricOptions& o = config.options.train.loss.photometric;
     const bool decides = plan != nullptr && o.masks != MaskUse::object &&
                          !is_pinned(config.table, "loss.photometric.background");
     if (!decides && !has_sky(o)) return {};
-    SkyLook look = look_for_sky(scene.train, scene.points.positions, uses_masks(o.masks));
+    SkyDetection look = detect_sky(scene.train, scene.points.positions, uses_masks(o.masks));
     if (decides) plan->apply(decide_sky(look.share), config.table);
     if (!has_sky(o)) return {};
     const std::vector<std::size_t> kept =
-        points_before_sky(scene.train, look, scene.points.positions);
+        points_outside_sky(scene.train, look, scene.points.positions);
     if (const std::size_t dropped = scene.points.positions.size() - kept.size()) {
         scene.points = select_points(scene.points, kept);
         spdlog::debug("Dropped {} start points in the sky", dropped);

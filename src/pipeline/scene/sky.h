@@ -17,7 +17,7 @@ inline bool has_sky(const PhotometricOptions& options) {
 /// masks exclude a sky. If the run has one, fills PhotometricOptions::sky with its map, made of the
 /// photographs or read from `sky_from`, drops the scene's points in it, and returns the look; else
 /// an empty look. Throws Error(ExitCode::input).
-SkyLook provide_sky(Configuration& config, Scene& scene, RunPlan* plan);
+SkyDetection provide_sky(Configuration& config, Scene& scene, RunPlan* plan);
 
 /// Whether the run has a map of its sky.
 bool has_sky_file(const std::string& run);

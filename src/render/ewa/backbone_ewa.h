@@ -38,7 +38,7 @@ public:
     static constexpr BackboneTraits kTraits{.maps = Maps::color | kGeometryMaps | Maps::coverage,
                                             .low_pass_px2 = kLowPassPx2,
                                             .fuses = true,
-                                            .moves_cameras = true};
+                                            .has_camera_gradient = true};
 
     explicit EwaBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}

@@ -44,7 +44,7 @@ public:
         .maps = Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage,
         .fades_thin_splats = true,
         .fuses = true,
-        .moves_cameras = true};
+        .has_camera_gradient = true};
 
     explicit RadeBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}

@@ -26,7 +26,7 @@ public:
         .maps = Maps::color | kGeometryMaps | Maps::distortion | Maps::coverage,
         .flat = true,
         .fuses = true,
-        .moves_cameras = true};
+        .has_camera_gradient = true};
 
     explicit SurfelBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}

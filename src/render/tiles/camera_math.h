@@ -12,7 +12,7 @@ template <class Real>
 struct CameraGradient {
     Vec3<Real> rotation, translation;  // per radian, per world unit
 };
-inline constexpr int kCameraNumbers = 6;
+inline constexpr int kCameraParameters = 6;
 
 template <class Real>
 TVSGS_HD Real component(const CameraGradient<Real>& g, int k) {

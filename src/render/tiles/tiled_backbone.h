@@ -47,7 +47,7 @@ public:
                                                      g.opacity_logits.span(), g.sh.span(),
                                                      of_camera_.span()});
             });
-            for (int k = 0; k < kCameraNumbers; ++k)
+            for (int k = 0; k < kCameraParameters; ++k)
                 add_sum(Device{}, g.size(), CameraGradientTerm{std::as_const(of_camera_).span(), k},
                         1, partial_.span(), sum.data + k);
         });

@@ -20,9 +20,9 @@ struct Box3f {
 
 /// The five planes that bound the points accepted by is_in_view(). The planes have a margin larger
 /// than the rounding errors of is_in_view(), so it rejects every point of a piece that misses().
-class SightLimits {
+class ViewFrustum {
 public:
-    explicit SightLimits(const Camera& c) {
+    explicit ViewFrustum(const Camera& c) {
         const Mat3f& R = c.camera_from_world.R;
         const Vec3d t = vec_cast<double>(c.camera_from_world.t);
         const auto set = [&](int k, Vec3d of, double size) {  // of . (R x + t) >= 0 in view
