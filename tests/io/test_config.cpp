@@ -264,7 +264,7 @@ TEST_F(Config, HelpNamesEveryOption) {
         EXPECT_NE(help.find(option.key), std::string::npos);
         EXPECT_NE(help.find(option.help), std::string::npos);
     }
-    EXPECT_NE(help.find("from 1 to 1000; default 100"), std::string::npos) << help;
+    EXPECT_NE(help.find("1 to 1,000; default 100"), std::string::npos) << help;
     EXPECT_NE(help.find("one of covariant, unit_length; default \"covariant\""), std::string::npos)
         << help;
 }
