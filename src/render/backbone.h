@@ -174,8 +174,8 @@ public:
         if (share < 1)
             throw Error(ExitCode::usage,
                         "loss.photometric.geometry is below 1, but this backbone cannot part the "
-                        "gradients of colours from the others; set it to 1, or choose ewa or "
-                        "surfel");
+                        "gradients of colours from the others; set it to 1, or choose another "
+                        "backbone");
     }
 
     /// Renders. The result is valid until the next call. `sh_degree`: degree to use, at most the
