@@ -7,8 +7,8 @@ namespace tvsgs {
 
 enum class Verbosity { quiet, normal, verbose };
 
-/// Sends all messages to standard error as `level: text`. Quiet keeps warnings and errors, and
-/// hides progress (core/progress.h).
+/// Sends all messages to standard error, warnings as `warning: text`. Quiet keeps warnings and
+/// errors, and hides progress (core/progress.h).
 void init_log(Verbosity verbosity);
 
 }  // namespace tvsgs

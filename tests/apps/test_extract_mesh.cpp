@@ -320,8 +320,8 @@ TEST_F(ExtractMesh, MessagesFitOnOneScreen) {
                                   "--mesh-resolution 120 --truncation 0.25 --out few.glb" +
                                       flags);
         EXPECT_EQ(r.code, 0) << r;
-        for (const char* text : {"info: Input: 6,000 splats of splats.ply, ", "info: Mesh: ",
-                                 "info: Wrote few.glb\ninfo: Wrote few.png (preview)\n"})
+        for (const char* text : {"Input: 6,000 splats of splats.ply, ",
+                                 "Mesh: ", "Wrote few.glb\nWrote few.png (preview)\n"})
             EXPECT_TRUE(r.says(text)) << r;
         return std::count(r.err.begin(), r.err.end(), '\n');
     };
@@ -335,7 +335,7 @@ TEST_F(ExtractMesh, StandardOutputThatIsAFileGetsThePly) {
         "--model splats.ply --scene scene --device cpu --no-masks --error 0 --out /dev/stdout");
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(r.out.starts_with("ply\n")) << r.out.substr(0, 20);
-    EXPECT_TRUE(r.says("info: Wrote /dev/stdout\n")) << r;
+    EXPECT_TRUE(r.says("Wrote /dev/stdout\n")) << r;
     EXPECT_FALSE(r.says(".png")) << "no picture in /dev: " << r;
 }
 
