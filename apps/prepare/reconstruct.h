@@ -19,7 +19,7 @@ struct ReconstructOptions {
     std::string poses;                           // folder of a model with known poses; may be empty
     std::map<std::string, std::string> renamed;  // other names of photographs in `poses`
     std::optional<Calibration> calibration;
-    int max_size = 3200, threads = 0;
+    int max_size = 3200, threads = 0;  // threads 0: as COLMAP chooses
 };
 
 struct Reconstruction {

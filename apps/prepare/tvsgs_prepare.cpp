@@ -12,6 +12,7 @@
 #include "apps/prepare/opencv.h"
 #include "apps/prepare/photographs.h"
 #include "apps/prepare/reconstruct.h"
+#include "core/device/threads.h"
 #include "core/log.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
@@ -86,9 +87,6 @@ Arguments parse(int argc, char** argv) {
                    "longest side of the photographs for the feature search, pixels [3200]")
         ->check(CLI::Range(100, 65535))
         ->group(group);
-    app.add_option("--threads", a.reconstruct.threads, "threads of COLMAP [all]")
-        ->check(CLI::Range(1, 4096))
-        ->group(group);
     app.add_option("--min-share", a.min_share,
                    "share of the photographs that need a pose, per cent [50]")
         ->check(CLI::Range(0, 100))
@@ -96,6 +94,7 @@ Arguments parse(int argc, char** argv) {
     app.add_flag("--anew", a.anew, "find cameras again even if there are some")->group(group);
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
     parse_command_line(app, argc, argv);
+    if (app.count("--threads") > 0) a.reconstruct.threads = thread_count();
 
     // Refuses flags that would have no effect.
     const auto refuse = [&](bool wrong, const char* why) {
