@@ -41,7 +41,7 @@ TEST(Paces, GoByWhatWasSeenLately) {
 
 TEST(ProgressTexts, SayWhatIsKnown) {
     EXPECT_EQ(progress_text("stereo", 65, 0.5, 3725),
-              "stereo 1:05 [##########..........] 50 %  left 1:02:05");
+              "stereo 1:05 [##########..........] 50 %  about 1:02:05 left");
     EXPECT_EQ(progress_text("", 1, 0, NAN), "0:01 [....................] 0 %");
     EXPECT_EQ(progress_text("x", 0, 2, 0, true),
               "x 0:00 [####################] 100 %  more than 0:00 left");
