@@ -55,8 +55,8 @@ private:
     ProgressRate pace_;
 };
 
-/// Returns "0:12 [####....] 40 %  about 0:18 left" preceded by `what`. `left` NaN: unknown. `at_least`:
-/// later work may be slower, so `left` is a lower bound.
+/// Returns "0:12 [####....] 40 %  about 0:18 left" preceded by `what`. `left` NaN: unknown.
+/// `at_least`: later work may be slower, so `left` is a lower bound.
 std::string progress_text(
     const std::string& what, double seconds, double share, double left, bool at_least = false);
 
