@@ -268,7 +268,7 @@ TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
         EXPECT_NEAR(read.splats.means[0].y, far, std::ldexp(1, -read.fractional_bits - 1));
     }
     g.means[0].x = 9e6f;
-    expect_error(ExitCode::input, "lies 9e+06 from zero", [&] { spz_bytes(g); });
+    expect_error(ExitCode::input, "lies 9e+06 units from zero", [&] { spz_bytes(g); });
 }
 
 /// Rotations at the limits of their packing, opacities of 0 and 1, and values outside the ranges.
