@@ -88,7 +88,7 @@ TEST_F(EvalRun, MatricesThatWouldBeAnotherTable) {
     }
     refused(with(R"("${n}": {"for_each": {"n": ["x", "../x"]}})", b), "scene '../x'");
     refused(with(R"("a${n}": {"for_each": {"n": ["1", "2", "1"]}})", b),
-            "\"for_each\" of a${n} has '1' twice");
+            "\"for_each\" of a${n} holds '1' twice");
     refused(with(R"("a${n}": {"for_each": {"n": []}})", b), "\"for_each\" of a${n} is empty");
     refused(with(R"("a": {"for_each": {"n": ["1", "2"]}})", b), "two scenes are named 'a'");
     refused(with(R"("a1": {}, "a${n}": {"for_each": {"n": ["1"]}})", b),

@@ -337,10 +337,10 @@ TEST(Poisson, HostilePoints) {
             EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << error.what();
         }
     };
-    refused({}, 0.1f, "0 points in one place");
+    refused({}, 0.1f, "0 points are in one place");
     OrientedPoints one;
     add(one, {1, 2, 3}, {0, 0, 1});
-    refused(one, 0.1f, "1 points in one place");
+    refused(one, 0.1f, "1 points are in one place");
     OrientedPoints bad = sphere(100, 1);
     bad.positions[7].y = std::numeric_limits<float>::quiet_NaN();
     refused(bad, 0.1f, "point 7 of 100");

@@ -13,7 +13,7 @@ TrainReport make_report(int step,
         step, 0, {}, state.gaussians.size(), memory_use(Device{}), iteration.clock.stages()};
     const std::vector<double> values = to_host(iteration.objective().values);
     for (std::size_t i = 0; i < values.size(); ++i) {
-        report.terms.emplace_back(state.losses[i]->key.c_str(), values[i]);
+        report.terms.emplace_back(state.losses[i]->key, values[i]);
         report.loss += values[i];
     }
     return report;
