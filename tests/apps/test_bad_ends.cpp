@@ -212,7 +212,7 @@ TEST_F(BadEnds, ARunThatEndsWorseThanItWasSaysSo) {
         "--set densify.trim_every=1000 --eval-every 10 --iterations 60 ";
     const Result reset = train("reset", flags + "--set densify.opacity_reset_every=58");
     EXPECT_EQ(reset.code, 0) << reset;
-    EXPECT_TRUE(reset.says("dB now: the training was too long")) << reset;
+    EXPECT_TRUE(reset.says("dB at the end: the training was too long")) << reset;
     const Result steady = train("steady", flags);
     EXPECT_EQ(steady.code, 0) << steady;
     EXPECT_FALSE(steady.says(" dB now:")) << steady;

@@ -345,7 +345,7 @@ TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
     for (int b = 1; b <= kBlocks; ++b) {
         EXPECT_EQ(contents(splats("all", b)), contents(splats("blocks", b)));
         const std::string log = contents(block("all", b) / "train.log");
-        EXPECT_NE(log.find("done, "), std::string::npos) << log;
+        EXPECT_NE(log.find("is done: "), std::string::npos) << log;
         EXPECT_EQ(log.find("\"iteration\""), std::string::npos) << log;
     }
     expect_message(bin("tvsgs-blocks run all --jobs 2"), 0, {"All 3 blocks are done, 0 of them"});

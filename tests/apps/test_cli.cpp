@@ -184,7 +184,7 @@ TEST_F(Cli, UsageErrorsNameTheNearest) {
     const Result help = call("train", "--help"), version = call("train", "-V");
     EXPECT_EQ(help.code, 0);
     EXPECT_NE(help.out.find("--seed INT=0 "), std::string::npos) << help.out;
-    EXPECT_NE(help.out.find("[by the plan"), std::string::npos) << help.out;
+    EXPECT_NE(help.out.find("[the plan decides"), std::string::npos) << help.out;
     EXPECT_NE(call("train", "--help-all").out.find("--test-list"), std::string::npos);
     EXPECT_EQ(version.code, 0);
     EXPECT_TRUE(version.out.starts_with(std::string(kVersion) + "\nbuild: ")) << version.out;

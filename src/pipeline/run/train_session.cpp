@@ -294,8 +294,8 @@ void TrainSession<Device>::log_end(double seconds) {
         spdlog::info("Converged: the best PSNR, {:.2f} dB, was at {:.1f} s; stopped at {:.1f} s",
                      convergence.best(), convergence.best_at(), seconds);
     else if (done_ < training_.iterations) {
-        spdlog::warn("Stopped after {} of {} iterations; {} has the splats so far", done_,
-                     training_.iterations, run_.path());
+        spdlog::warn("Stopped after {} of {} iterations; the splats are in {}", grouped(done_),
+                     grouped(training_.iterations), run_.path());
         run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
         if (!last) throw Error(ExitCode::io, checkpoints_.failure());
         spdlog::warn("Continue with:\n    tvsgs-train --resume {}", run_.path());
