@@ -176,7 +176,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
         const Result mesh =
             extract("--mesh-resolution 120 --truncation 0.25 --texture-format png", out);
         ASSERT_EQ(mesh.code, 0) << mesh;
-        EXPECT_EQ(mesh.says("debug: Texture "), out != "same.ply") << mesh;
+        EXPECT_EQ(mesh.says("\nTexture "), out != "same.ply") << mesh;
         const Result score =
             run_tool(folder_, "eval",
                      "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply --pred " + out);
@@ -202,7 +202,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     const Result plain =
         extract("--mesh-resolution 120 --truncation 0.25 --texture none --keep-axes", "plain.glb");
     ASSERT_EQ(plain.code, 0) << plain;
-    EXPECT_FALSE(plain.says("debug: Texture ")) << plain;
+    EXPECT_FALSE(plain.says("\nTexture ")) << plain;
     const std::string bytes = contents(folder_ / "plain.glb");
     EXPECT_NE(bytes.find("COLOR_0"), std::string::npos);
     EXPECT_EQ(bytes.find("\"matrix\""), std::string::npos);
@@ -215,7 +215,7 @@ TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
     const std::size_t all = radii().size();
     const Result bound = extract(flags + "--error 0.5");
     ASSERT_EQ(bound.code, 0) << bound;
-    EXPECT_TRUE(bound.says("debug: Simplified ")) << bound;
+    EXPECT_TRUE(bound.says("\nSimplified ")) << bound;
     EXPECT_LT(radii().size(), all / 4);
     EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and the error before
     const Result number = extract(flags + "--error 0 --faces 400");
@@ -295,7 +295,7 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
             ASSERT_EQ(r.code, 0) << more << r;
             const PlyGeometry mesh = read_mesh_geometry((folder_ / out).string());
             EXPECT_EQ(loose_edges(mesh), 0u) << more << out;
-            EXPECT_EQ(r.says("debug: Texture "), out != "closed.ply") << r;
+            EXPECT_EQ(r.says("\nTexture "), out != "closed.ply") << r;
             if (more.empty()) all = mesh.faces.size();
             EXPECT_TRUE(more != "--error 0.5" || mesh.faces.size() < all / 2);
             EXPECT_TRUE(!more.starts_with("--faces") || mesh.faces.size() <= 300);
@@ -315,13 +315,14 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
 
 TEST_F(ExtractMesh, MessagesFitOnOneScreen) {
     const auto lines = [&](const std::string& flags) {
+        fs::remove(folder_ / "few.png");
         const Result r = run_tool(folder_, "extract-mesh",
                                   "--model splats.ply --scene scene --device cpu --no-masks "
                                   "--mesh-resolution 120 --truncation 0.25 --out few.glb" +
                                       flags);
         EXPECT_EQ(r.code, 0) << r;
-        for (const char* text : {"Input: 6,000 splats of splats.ply, ",
-                                 "Mesh: ", "Wrote few.glb\nWrote few.png (preview)\n"})
+        for (const char* text : {"Input: 6,000 splats of splats.ply, ", "Mesh: ", "Wrote few.glb\n",
+                                 "Wrote few.png (preview)\n"})
             EXPECT_TRUE(r.says(text)) << r;
         return std::count(r.err.begin(), r.err.end(), '\n');
     };
