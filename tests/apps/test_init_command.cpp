@@ -115,7 +115,7 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--scene scene --out x.ply --device gpu", 2, "expected auto, cpu");
     expect_refused("init", "--scene nowhere --out x.ply", 3, "nowhere");
     expect_refused("init", "--scene scene --views 0 --out x.ply --device cpu", 3,
-                   "found 1, expected at least 2");
+                   "needs at least 2 views, found 1");
     expect_refused("init", "--scene scene --split train_3 --device cpu --out /proc/no/x.ply", 6,
                    "/proc/no");
     expect_refused("init", "--scene scene --device cpu --out cloud.ply/x.ply", 6,

@@ -83,7 +83,7 @@ TEST_F(Prepare, PhotographsOfASceneStayWhereTheyLie) {
     EXPECT_EQ(report()["registered"].number, 5);
     r = run("scene/images scene --anew");
     EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("scene/sparse is there already")) << r;
+    EXPECT_TRUE(r.says("scene/sparse already exists")) << r;
     // Adds nothing if it fails.
     for (const char* ours : {"scene/sparse", "scene/prepare.json", "scene/prepare.log"})
         fs::remove_all(folder / ours);
@@ -273,7 +273,7 @@ TEST_F(Prepare, WhatIsMissingOrThereAlready) {
     photo("a.png");
     r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("found 1 photographs")) << r;
+    EXPECT_TRUE(r.says("photos: 1 photographs")) << r;
     photos(kNames);
     r = run_script(folder,
                    "PATH=/nowhere " TVSGS_BIN_DIR "/tvsgs-prepare photos scene >out.txt 2>err.txt");
@@ -326,7 +326,7 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     write("calls.txt", "");
     const Result other = run("photos s2 --poses others");
     EXPECT_EQ(other.code, 3) << other;
-    EXPECT_TRUE(other.says("names 0 of the photographs")) << other;
+    EXPECT_TRUE(other.says("has poses of 0 of the photographs")) << other;
     EXPECT_EQ(text("calls.txt").find("feature_extractor"), std::string::npos);
     // A photograph that was converted to PNG keeps its own name in the poses.
     ImageU8 picture(64, 48, 3, 90);
