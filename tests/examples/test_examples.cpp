@@ -293,7 +293,7 @@ TEST(ToyMesher, MeshesByItsName) {
         EXPECT_EQ(error.code(), ExitCode::usage);
         EXPECT_STREQ(
             error.what(),
-            "mesh.method = 'gird': expected one of tsdf, tetrahedra, grid; did you mean 'grid'?");
+            "mesh.method = 'gird': expected one of tsdf, tetrahedra, watertight, grid; did you mean 'grid'?");
     }
 }
 
