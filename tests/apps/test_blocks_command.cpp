@@ -364,7 +364,7 @@ TEST_F(BlocksCommand, AllBlocksStopBySignalAndGoOn) {
     EXPECT_TRUE(stopped.says("of 3 blocks are done; the same command")) << stopped;
     EXPECT_FALSE(fs::exists(block("halt", 3) / "run"));
     EXPECT_EQ(bin("tvsgs-blocks status halt --missing").code, 3);
-    expect_message(bin("tvsgs-blocks run halt --jobs 2"), 0, {"all 3 blocks are done"});
+    expect_message(bin("tvsgs-blocks run halt --jobs 2"), 0, {"All 3 blocks are done"});
     for (int b = 1; b <= kBlocks; ++b)
         EXPECT_EQ(contents(splats("halt", b)), contents(splats("blocks", b)));
 }
