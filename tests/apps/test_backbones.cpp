@@ -78,8 +78,7 @@ TEST_F(Backbones, SplatsOfAnotherKindAreRefused) {
     const Result r = train("2dgs_sparse", "2dgs_sparse",
                            "--resume --iterations 60 --set backbone=ewa --set "
                            "render.depth=auto --set loss.distortion.weight=0");
-    expect_refused(r, 2,
-                   "splats of backbone 'surfel', but the configuration has 'ewa'");
+    expect_refused(r, 2, "splats of backbone 'surfel', but the configuration has 'ewa'");
 }
 
 TEST_F(Backbones, TermsThatARasteriserDoesNotServeAreRefused) {

@@ -365,9 +365,7 @@ TEST_F(ResumeCommand, NumericalFailure) {
     EXPECT_TRUE(r.says("the centre of splat ")) << r;
     EXPECT_TRUE(r.says("back to iteration 11, with lr.position_start divided by 10")) << r;
     EXPECT_TRUE(r.says("again after a rollback")) << r;
-    EXPECT_TRUE(
-        r.says("the last checkpoint is diverging/checkpoints/iteration_11.ckpt"))
-        << r;
+    EXPECT_TRUE(r.says("the last checkpoint is diverging/checkpoints/iteration_11.ckpt")) << r;
     EXPECT_FALSE(find_not_finite(read_checkpoint(file)));
     int rollbacks = 0;
     for (const json& line : log("diverging")) rollbacks += line.value("event", "") == "rollback";

@@ -98,8 +98,7 @@ TEST_F(EvalTnt, FlagsWithoutEffectAreRefused) {
                  arguments("--tau 0.02 --no-icp --icp-intended"));
     expect_error(2, "--traj-threshold 0.3: needs --traj FILE",
                  arguments("--tau 0.02 --traj-threshold 0.3"));
-    expect_error(2, "--palette safe: needs --results DIR",
-                 arguments("--tau 0.02 --palette safe"));
+    expect_error(2, "--palette safe: needs --results DIR", arguments("--tau 0.02 --palette safe"));
     EXPECT_EQ(eval(arguments(file + " --no-icp")), 0) << "as it is: " << messages;
     EXPECT_NE(output.find("\"traj\": \"\""), std::string::npos) << output;
 }

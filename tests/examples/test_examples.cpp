@@ -291,9 +291,9 @@ TEST(ToyMesher, MeshesByItsName) {
         FAIL() << "there is no such mesher";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::usage);
-        EXPECT_STREQ(
-            error.what(),
-            "mesh.method = 'gird': expected one of tsdf, tetrahedra, watertight, grid; did you mean 'grid'?");
+        EXPECT_STREQ(error.what(),
+                     "mesh.method = 'gird': expected one of tsdf, tetrahedra, watertight, grid; "
+                     "did you mean 'grid'?");
     }
 }
 

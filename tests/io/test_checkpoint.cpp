@@ -101,8 +101,7 @@ TEST_F(CheckpointFile, OtherFilesAndVersions) {
     std::string other = read_bytes(path_);
     other[8] = 0;
     save(other);
-    EXPECT_NE(error().find("version 0, or damaged; expected version 1"),
-              std::string::npos);
+    EXPECT_NE(error().find("version 0, or damaged; expected version 1"), std::string::npos);
     path_ = folder_.string();
     EXPECT_NE(error().find("is a folder"), std::string::npos);
 }

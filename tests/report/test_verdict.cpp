@@ -99,13 +99,14 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
     const RunVerdict found = verdict(gaps);
     const std::string limits = all(found.limits), next = all(found.next);
     for (const char* part :
-         {"1 of 2 test views", "reach 10 dB; the nearer ones reach 20 dB", "40 % of the surface", ": a.",
-          "up to 45\u00b0 apart, a and b", "Growth stopped at 100",
+         {"1 of 2 test views", "reach 10 dB; the nearer ones reach 20 dB", "40 % of the surface",
+          ": a.", "up to 45\u00b0 apart, a and b", "Growth stopped at 100",
           "PSNR was 17 dB after 50 iterations and fell to 15 dB"})
         EXPECT_NE(limits.find(part), std::string::npos) << part << " is not in\n" << limits;
-    for (const char* part : {"From where the test view far stands: PSNR 10 dB", "b, is 80\u00b0 away",
-                             "Between a and b: 45\u00b0",
-                             "The part that only a sees, 70 % of its surface, most in its left half"})
+    for (const char* part :
+         {"From where the test view far stands: PSNR 10 dB", "b, is 80\u00b0 away",
+          "Between a and b: 45\u00b0",
+          "The part that only a sees, 70 % of its surface, most in its left half"})
         EXPECT_NE(next.find(part), std::string::npos) << part << " is not in\n" << next;
     EXPECT_EQ(found.left_out, "x (1 < 2).") << "growth was asked for";
     EXPECT_EQ(limits.find("exposure"), std::string::npos) << "it was not fitted";

@@ -32,9 +32,8 @@ ExtractedMesh close_surface(const ViewPoints& points,
         field.levels.size(), static_cast<double>(field.bytes) / (1 << 20));
     found.mesh = poisson_surface(field, max_bytes);
     if (found.mesh.faces.empty()) {
-        found.why_empty =
-            str(oriented.size(),
-                " trusted points enclose no solid; use more views, or --method tsdf");
+        found.why_empty = str(oriented.size(),
+                              " trusted points enclose no solid; use more views, or --method tsdf");
         return found;
     }
     const std::vector<Vec3f> colors = points.colors();

@@ -25,8 +25,8 @@ void require_free_run_folder(const std::string& path,
 
 /// Throws Error(ExitCode::usage) unless the file `out` may be written: its name ends in one of
 /// `extensions`, it does not lie among the scene's photographs or masks, and it replaces only files
-/// of ours. A stream (is_stream()) may have any name. Throws Error(ExitCode::io) where its folder is
-/// not writable.
+/// of ours. A stream (is_stream()) may have any name. Throws Error(ExitCode::io) where its folder
+/// is not writable.
 void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
                     const SceneOptions& scene);

@@ -338,9 +338,9 @@ template <bool kMaps, class Real>
 using SurfelGradients =
     std::conditional_t<kMaps, SurfelMapGradients<Real>, SurfelColorGradients<Real>>;
 
-/// Adds one surfel at one pixel, back to front. A hit with alpha 0 adds nothing. With `kParted` only
-/// `color_share` of the derivatives by colour and by the transmittance behind all splats reaches the
-/// shape; opacity and colour get all of them.
+/// Adds one surfel at one pixel, back to front. A hit with alpha 0 adds nothing. With `kParted`
+/// only `color_share` of the derivatives by colour and by the transmittance behind all splats
+/// reaches the shape; opacity and colour get all of them.
 template <bool kMaps, bool kParted = false, class Real>
 TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         const SurfelShape<Real>& s,

@@ -141,8 +141,8 @@ TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
 /// Adds one splat at one pixel, back to front, to `g`, without the splat's constant factors. w =
 /// whitened(root, mean - pixel centre). An `a` of zeros adds nothing. The gradient passes the upper
 /// clamp of alpha unchanged, as in the official code. With `kParted` only `color_share` of the
-/// derivatives by colour and by the transmittance behind all splats reaches mean and spread; opacity
-/// and colour get all of them.
+/// derivatives by colour and by the transmittance behind all splats reaches mean and spread;
+/// opacity and colour get all of them.
 template <Channels kChannels, bool kParted = false, class Real>
 TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         const EllipseRoot<Real>& root,

@@ -55,7 +55,9 @@ async function follow(viewer) {
             `Training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
             `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
             (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
-    } catch (error) { note(`No answer from tvsgs-view (${error.message}); is it still running?`, true); }
+    } catch (error) {
+      note(`No answer from tvsgs-view (${error.message}); is it still running?`, true);
+    }
     await new Promise(resolve => setTimeout(resolve, pause));
   }
 }
