@@ -80,7 +80,7 @@ function(tvsgs_test name)
         TVSGS_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
     add_test(NAME ${name} COMMAND ${name})
     install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tests EXCLUDE_FROM_ALL)
-    set(seconds 300)
+    set(seconds 900)
     if(TVSGS_SANITIZE)
         set(seconds 3600)  # tests that make scenes take most of it
     endif()
