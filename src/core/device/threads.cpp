@@ -93,9 +93,10 @@ private:
         const char* const asked = std::getenv("OMP_NUM_THREADS");
         const int number = asked != nullptr ? std::atoi(asked) : 0;
         cpu_set_t cpus;
-        set_count(number > 0                                      ? number
-                  : sched_getaffinity(0, sizeof cpus, &cpus) == 0 ? CPU_COUNT(&cpus)
-                                                                  : 1);
+        set_count(number > 0 ? number
+                  : sched_getaffinity(0, sizeof cpus, &cpus) == 0
+                      ? CPU_COUNT(&cpus)
+                      : static_cast<int>(std::thread::hardware_concurrency()));
     }
 
     /// A loop that a worker can enter, or null. Needs mutex_.

@@ -78,7 +78,7 @@ struct TrainReport {
     int step = 0;
     double loss = 0;
     // Weighted values for this step's view; 0 for terms that did not act.
-    std::vector<std::pair<const char*, double>> terms;
+    std::vector<std::pair<std::string, double>> terms;
     int gaussians = 0;
     MemoryUse memory{};
     std::vector<StageTime> stages;  // cumulative; empty without profiling

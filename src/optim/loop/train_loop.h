@@ -1,21 +1,9 @@
 // The training loop; included by one file per device.
 #pragma once
 
-#include <mutex>
-#include <set>
-#include <string>
-
 #include "optim/loop/train_state.h"
 
 namespace tvsgs {
-
-/// A copy of the name that stays until the program ends: reports outlive the losses.
-inline const char* kept_name(const std::string& name) {
-    static std::mutex mutex;
-    static std::set<std::string> names;
-    const std::lock_guard lock(mutex);
-    return names.insert(name).first->c_str();
-}
 
 template <class Device>
 TrainReport make_report(int step,
@@ -25,7 +13,7 @@ TrainReport make_report(int step,
         step, 0, {}, state.gaussians.size(), memory_use(Device{}), iteration.clock.stages()};
     const std::vector<double> values = to_host(iteration.objective().values);
     for (std::size_t i = 0; i < values.size(); ++i) {
-        report.terms.emplace_back(kept_name(state.losses[i]->key), values[i]);
+        report.terms.emplace_back(state.losses[i]->key, values[i]);
         report.loss += values[i];
     }
     return report;
