@@ -1,7 +1,6 @@
 #include "plan/settings.h"
 
 #include <algorithm>
-#include <set>
 
 #include "core/error.h"
 #include "core/grouped.h"
@@ -17,19 +16,18 @@ std::string keys_of(const Settings& settings) {
     return settings.size() > 3 ? keys + ", ..." : keys;
 }
 
-/// The parts of a reason that no line before has said.
-std::string without_said(const std::string& reason, std::set<std::string>& said) {
+}  // namespace
+
+std::string unstated_parts(const std::string& reason, std::set<std::string>& stated) {
     std::string left;
     for (std::size_t begin = 0; begin <= reason.size();) {
         const std::size_t end = std::min(reason.find("; ", begin), reason.size());
         const std::string part = reason.substr(begin, end - begin);
-        if (said.insert(part).second) left += str(left.empty() ? "" : "; ", part);
+        if (stated.insert(part).second) left += str(left.empty() ? "" : "; ", part);
         begin = end + 2;
     }
     return left;
 }
-
-}  // namespace
 
 bool is_pinned(const OptionTable& table, const std::string& key) {
     const Option& option = table.option(key);
@@ -66,17 +64,17 @@ std::string RunPlan::text() const {
         return word + "  ";
     };
     std::string out;
-    std::set<std::string> said;
+    std::set<std::string> stated;
     if (look_) {
         const std::string coverage = coverage_text(look_->points_per_pixel);
         out = str(padded("scene", name), look_->train_views, " training and ", look_->test_views,
                   " test photographs; ", grouped(look_->points), " start points\n",
                   padded("coverage", name), coverage, "; decides where no reason is given\n");
-        said.insert(coverage);
+        stated.insert(coverage);
     }
     for (const Line& line : lines_) {
         const Decision& d = line.decision;
-        out += padded(d.name, name) + padded(d.choice, choice) + without_said(d.reason, said);
+        out += padded(d.name, name) + padded(d.choice, choice) + unstated_parts(d.reason, stated);
         if (!d.settings.empty()) out += str("  (", keys_of(d.settings), ")");
         for (const auto& [key, kept] : line.kept) out += str("  [", key, " stays ", kept, "]");
         out += "\n";

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,9 @@ inline constexpr const char* kPlanSource = "the plan";
 
 /// Whether the user or a configuration has set the key. The choice "auto" leaves it to the plan.
 bool is_pinned(const OptionTable& table, const std::string& key);
+
+/// The parts of a decision's reason that are not in `stated`; adds them to it.
+std::string unstated_parts(const std::string& reason, std::set<std::string>& stated);
 
 class RunPlan {
 public:

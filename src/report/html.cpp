@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "core/error.h"
+#include "plan/settings.h"
 #include "report/figures.h"
 #include "report/page.h"
 #include "report/plot.h"
@@ -107,15 +109,16 @@ private:
     /// The plan's decisions, in their order.
     void plan() {
         std::vector<std::vector<std::string>> rows;
+        std::set<std::string> stated;
         for (const JsonValue& d : report_["plan"].items) {
-            std::string reason = d["reason"].text;
+            std::string reason = unstated_parts(d["reason"].text, stated);
             for (const auto& [key, kept] : d["kept"].members)
                 reason += str(" [", key, " stays ", kept.text, "]");
             rows.push_back({d["name"].text, d["choice"].text, reason});
         }
         if (rows.empty()) return;
         heading("plan", "Plan");
-        body_ += html_table("Decisions for this scene and their reasons",
+        body_ += html_table("Decisions for this scene; a reason that several share is stated once",
                             {"decision", "choice", "reason"}, rows, " class=\"plan\"");
     }
 
