@@ -17,4 +17,9 @@ std::string grouped(Integer value) {
     return text;
 }
 
+/// "1 face", "2,419 faces".
+inline std::string counted(std::size_t count, const std::string& what) {
+    return grouped(count) + " " + what + (count == 1 ? "" : "s");
+}
+
 }  // namespace tvsgs

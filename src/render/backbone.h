@@ -145,6 +145,7 @@ struct BackboneTraits {
     float low_pass_px2 = 0;          // added to the covariances of ellipses; viewers need it
     bool fuses = false;              // implements blend_backward()
     bool has_camera_gradient = false;  // implements add_camera_gradient()
+    bool parts_colors = false;         // obeys set_color_share()
 };
 
 struct FusedGradients;  // fused_gradients.h
@@ -168,15 +169,9 @@ public:
                          Gaussians<Device>& /*gaussians*/) {}
 
     /// Sets the share of the derivatives by colour and transmittance that moves, turns and scales
-    /// splats with an uncertainty; opacities and SH get all of them. Throws Error(ExitCode::usage)
-    /// below 1 if the backbone cannot part them.
-    virtual void set_color_share(float share) {
-        if (share < 1)
-            throw Error(ExitCode::usage,
-                        "loss.photometric.geometry is below 1, but this backbone cannot part the "
-                        "gradients of colours from the others; set it to 1, or choose another "
-                        "backbone");
-    }
+    /// splats with an uncertainty; opacities and SH get all of them. statistics() get the share as
+    /// well, so growth sees less of supported splats. Below 1 it needs traits.parts_colors.
+    void set_color_share(float share) { color_share_ = share; }
 
     /// Renders. The result is valid until the next call. `sh_degree`: degree to use, at most the
     /// stored one.
@@ -230,6 +225,9 @@ public:
 
     /// Times of the parts of forward() and backward(), if switched on.
     StageClock<Device>& clock() { return clock_; }
+
+protected:
+    float color_share_ = 1;
 
 private:
     StageClock<Device> clock_;

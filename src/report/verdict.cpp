@@ -30,9 +30,6 @@ std::string percent(double share) {
 std::string degrees(double angle) {
     return str(std::lround(angle), "\u00b0");
 }
-std::string counted(std::size_t count, const char* what) {
-    return str(grouped(count), " ", what, count == 1 ? "" : "s");
-}
 
 std::string list_of_names(const std::vector<std::string>& names) {
     std::string text;

@@ -69,6 +69,19 @@ TEST(Adam, SupportedSplatsHaveTheirOwnRates) {
     }
 }
 
+TEST(Adam, SupportedSplatsMoveWhereTheOthersStandStill) {
+    Gaussians<Cpu> g = test::random_gaussians(2, 1, 0.1, 0), before;
+    g.uncertainty.resize(2);
+    g.uncertainty[0] = 0, g.uncertainty[1] = 2;
+    copy(g, before);
+    AdamOptions options;
+    options.position_start = 0, options.supported_position = 0.01f;
+    Adam<Cpu> adam(options, g);
+    adam.step(1000, 2.0f, 0, constant_like(g, -0.3f), g, true);
+    EXPECT_EQ(g.means[0].x, before.means[0].x);
+    EXPECT_NEAR(g.means[1].x - before.means[1].x, 0.01 * 2, 1e-5);
+}
+
 TEST(Adam, TenStepsOnAQuadratic) {
     Gaussians<Cpu> g = test::random_gaussians(4, 2, 0.1, 0), gradients = constant_like(g, 0);
     AdamOptions options;

@@ -283,5 +283,21 @@ TEST(RefinedTraining, RefusesWhatHasNoDerivatives) {
     EXPECT_NO_THROW(check_cameras(options, false));
 }
 
+TEST(Support, RefusesOptionsThatDoNotFit) {
+    TrainOptions options;
+    const BackboneTraits parts{.parts_colors = true};
+    EXPECT_NO_THROW(check_support(options, {}));
+    options.loss.photometric.geometry = 0;
+    EXPECT_THROW(check_support(options, parts), Error) << "init.support is missing";
+    options.init.support = true;
+    EXPECT_NO_THROW(check_support(options, parts));
+    EXPECT_THROW(check_support(options, {}), Error) << "the backbone cannot part the gradients";
+    options.cameras.refine = true;
+    EXPECT_THROW(check_support(options, parts), Error) << "cameras would get the share as well";
+    options = {};
+    options.lr.supported_position = 0.01f;
+    EXPECT_THROW(check_support(options, parts), Error) << "init.support is missing";
+}
+
 }  // namespace
 }  // namespace tvsgs

@@ -19,10 +19,8 @@ namespace tvsgs {
 /// does not depend on the number of threads.
 template <class Body>
 void parallel_for(Cpu, int count, const Body& body) {
-    constexpr int kChunk = 256;
-    run_chunks((count + kChunk - 1) / kChunk, [&](int chunk, int /*slot*/) {
-        const int end = std::min(count, (chunk + 1) * kChunk);
-        for (int i = chunk * kChunk; i < end; ++i) body(i);
+    run_ranges(count, 256, [&](int begin, int end, int /*slot*/) {
+        for (int i = begin; i < end; ++i) body(i);
     });
 }
 

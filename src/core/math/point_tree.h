@@ -27,7 +27,7 @@ public:
         return tree_.knnSearch(query, wanted, index, squared);
     }
 
-    /// Finds the nearest point within the squared distance `limit`; returns false if there is none.
+    /// Finds the nearest point closer than the root of `limit`; returns false if there is none.
     bool nearest_within(Vec3<Coordinate> to, Real limit, std::size_t* index, Real* squared) const {
         const Real query[3] = {to.x, to.y, to.z};
         Closest closest{limit};

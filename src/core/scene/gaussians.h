@@ -23,12 +23,17 @@ struct Gaussians {
     /// Backbone::prepare() writes it.
     Buffer<float, Device> filter;
     /// [N] world units, or empty: how far stereo may have put a splat off its surface. 0: stereo
-    /// does not support the splat. Training reads it, and never changes it.
+    /// does not support the splat. No step changes it; splats that growth adds have 0.
     Buffer<float, Device> uncertainty;
     int sh_degree = 3;
 
     int size() const { return static_cast<int>(means.size()); }
 };
+
+/// Whether stereo supports splat i. `uncertainty`: [N], or empty.
+TVSGS_HD inline bool is_supported(Span<const float> uncertainty, int i) {
+    return !uncertainty.empty() && uncertainty[i] > 0;
+}
 
 /// Description of one array of Gaussians.
 struct SplatArray {
@@ -36,7 +41,7 @@ struct SplatArray {
     int planes = 1;         // it holds `planes` times N elements
     bool shape = false;     // position, size or orientation
     bool optional = false;  // may be empty
-    bool kept = false;      // new splats have zeros instead of their parents' values
+    bool inherited = true;  // new splats have their parents' values, else zeros
 };
 
 /// Calls visit(SplatArray, array...) for each array of one object, or of several side by side. All
@@ -49,7 +54,7 @@ void for_each_array(const Visit& visit, First& g, More&... more) {
     visit(SplatArray{.name = "opacity_logits"}, g.opacity_logits, more.opacity_logits...);
     visit(SplatArray{.name = "sh", .planes = sh_count(g.sh_degree)}, g.sh, more.sh...);
     visit(SplatArray{.name = "filter", .optional = true}, g.filter, more.filter...);
-    visit(SplatArray{.name = "uncertainty", .optional = true, .kept = true}, g.uncertainty,
+    visit(SplatArray{.name = "uncertainty", .optional = true, .inherited = false}, g.uncertainty,
           more.uncertainty...);
 }
 

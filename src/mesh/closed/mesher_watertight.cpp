@@ -21,7 +21,9 @@ ExtractedMesh close_surface(const ViewPoints& points,
     ExtractedMesh found;
     const OrientedPoints oriented = points.oriented();
     if (oriented.size() == 0) {
-        found.why_empty = "no view has trusted pixels on a surface; are the splats opaque?";
+        found.why_empty =
+            "no view has trusted pixels on a surface that no other view looks through; are the "
+            "splats opaque?";
         return found;
     }
     const PoissonField field = solve_poisson(oriented, evidence, {points.cell(), max_bytes});

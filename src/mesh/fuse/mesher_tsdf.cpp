@@ -39,8 +39,8 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                             ? options.truncation
                             : std::max(options.truncation_voxels * fine, volume.voxel_size);
     if (options.voxel_scale > 1 && (options.voxel_size > 0 || options.resolution > 0))
-        spdlog::debug("mesh.voxel_scale={} has no effect, because the voxel size is given",
-                      options.voxel_scale);
+        spdlog::warn("mesh.voxel_scale={} has no effect, because the voxel size is given",
+                     options.voxel_scale);
     volume.max_bytes = max_bytes;
     spdlog::debug("Voxel size {:.4g}, truncation {:.4g}, depth limit {}", volume.voxel_size,
                   volume.truncation, limit_text(rules));

@@ -20,16 +20,13 @@ using Values = std::vector<double>;
 /// Like parallel_for(), but serial for small loops, of which there are hundreds.
 template <class Body>
 void for_each_pixel(std::size_t count, const Body& body) {
-    constexpr std::size_t kChunk = 32768;
-    const auto run = [&](int chunk, int /*slot*/ = 0) {
-        const std::size_t begin = static_cast<std::size_t>(chunk) * kChunk;
-        for (std::size_t i = begin; i < std::min(count, begin + kChunk); ++i) body(i);
+    const auto run = [&](int begin, int end, int /*slot*/ = 0) {
+        for (int i = begin; i < end; ++i) body(static_cast<std::size_t>(i));
     };
-    const int chunks = static_cast<int>((count + kChunk - 1) / kChunk);
-    if (chunks > 2)
-        run_chunks(chunks, run);
+    if (const int all = static_cast<int>(count); all > 65536)
+        run_ranges(all, 16384, run);
     else
-        for (int chunk = 0; chunk < chunks; ++chunk) run(chunk);
+        run(0, all);
 }
 
 /// The problem at one size, in inverse depth.

@@ -286,7 +286,7 @@ private:
         for_each_array(
             [&](const SplatArray& array, auto& values) {
                 if (array.shape == shapes && !values.empty())
-                    gather(from, array.kept ? std::as_const(is_new_).span() : cleared, values,
+                    gather(from, array.inherited ? cleared : std::as_const(is_new_).span(), values,
                            scratch_of(array, values), array.planes);
             },
             g);

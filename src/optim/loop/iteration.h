@@ -60,8 +60,9 @@ public:
           model_(options.model),
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
-        backbone_->set_color_share(options.loss.photometric.geometry);
         check_cameras(options, backbone_->traits.has_camera_gradient);
+        check_support(options, backbone_->traits);
+        backbone_->set_color_share(options.loss.photometric.geometry);
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);

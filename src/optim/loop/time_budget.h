@@ -53,7 +53,7 @@ private:
     double rate_ = 1;  // iterations of the original schedule per iteration since then
     int planned_ = 0;  // iterations of the training from the last fit on; 0: no fit yet
     int next_ = 0, done_ = 0;
-    double at_ = -1;  // seconds at iteration `done_`; -1: no fit yet
+    double at_ = -1;  // seconds at iteration `done_`; -1: not measured since the last fit
 };
 
 }  // namespace tvsgs

@@ -25,9 +25,9 @@ void check_start(const State& start, const TrainOptions& o) {
                         ": the run began without this key; set it to 0"));
 }
 
-void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
+void check_cameras(const TrainOptions& options, bool has_camera_gradient) {
     if (!options.cameras.refine) return;
-    if (!backbone_moves_cameras)
+    if (!has_camera_gradient)
         throw Error(ExitCode::usage,
                     str("cameras.refine is true, but backbone '", options.backbone,
                         "' has no camera gradients; set it to false, or choose another backbone"));
@@ -35,6 +35,23 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
         throw Error(ExitCode::usage,
                     "cameras.refine needs loss.photometric.weight above 0; set it, or set "
                     "cameras.refine to false");
+}
+
+void check_support(const TrainOptions& options, const BackboneTraits& backbone) {
+    const bool parts = options.loss.photometric.geometry < 1;
+    if (parts && !backbone.parts_colors)
+        throw Error(ExitCode::usage,
+                    str("loss.photometric.geometry is below 1, but backbone '", options.backbone,
+                        "' cannot part the gradients of colours from the others; set it to 1, or "
+                        "choose another backbone"));
+    // The gradient of a camera is that of the splats, so it would have the share as well.
+    if (parts && options.cameras.refine)
+        throw Error(ExitCode::usage,
+                    "loss.photometric.geometry below 1 and cameras.refine exclude each other");
+    if ((parts || options.lr.supported_position > 0) && !options.init.support)
+        throw Error(ExitCode::usage,
+                    "loss.photometric.geometry below 1 and lr.supported_position need "
+                    "init.support = true");
 }
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {

@@ -134,7 +134,11 @@ Gaussians<Device> train(const Scene& scene,
 
 /// Throws Error(ExitCode::usage) when poses are to be refined but the rasteriser or the terms have
 /// no derivatives by them. train() calls it.
-void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
+void check_cameras(const TrainOptions& options, bool has_camera_gradient);
+
+/// Throws Error(ExitCode::usage) when options of supported splats do not fit the rasteriser or each
+/// other. train() calls it.
+void check_support(const TrainOptions& options, const BackboneTraits& backbone);
 
 /// Number of iterations that a saved state has done.
 int iterations_done(const State& state);

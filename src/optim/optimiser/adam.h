@@ -35,9 +35,11 @@ struct AdamOptions {
               "uncertainties at the start, with the decay of the others; 0: learning rates of the "
               "others");
         field("supported_scale", supported_scale, {0, 1},
-              "learning rate of the log scales of supported splats");
+              "learning rate of the log scales of supported splats, if supported_position is above "
+              "0");
         field("supported_rotation", supported_rotation, {0, 1},
-              "learning rate of the quaternions of supported splats");
+              "learning rate of the quaternions of supported splats, if supported_position is "
+              "above 0");
     }
 };
 
@@ -56,18 +58,13 @@ struct AdamBody {
     float *values, *m, *v;
     const float* gradients;
     AdamScale scale;
-    float least;                      // values stay at or above it
-    Span<const float> uncertainty{};  // of splats with `width` numbers each; empty: one rate
-    int width = 1;
-    float supported = 0;            // rate of splats with an uncertainty
-    bool in_uncertainties = false;  // that rate is per unit of the uncertainty
+    float least;  // values stay at or above it
+    SupportedRate supported{};
+    int width = 1;  // numbers per splat
 
-    TVSGS_HD float rate(int i) const {
-        const float u = uncertainty.empty() ? 0 : uncertainty[i / width];
-        return !(u > 0) ? scale.step : in_uncertainties ? supported * u : supported;
-    }
     TVSGS_HD void operator()(int i) const {
-        const float next = adam_update(values[i], gradients[i], m[i], v[i], rate(i), scale.root);
+        const float rate = supported.of(i / width, scale.step);
+        const float next = adam_update(values[i], gradients[i], m[i], v[i], rate, scale.root);
         values[i] = next < least ? least : next;
     }
 };
@@ -100,10 +97,8 @@ public:
         begin_step(step, extent);
         const SupportedScale own = supported(step, g);
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
-                                auto& v, float supported_rate = 0) {
-            update_group(group, {0, values.size()}, values, dL, m, v, halted,
-                         group == opacities ? Span<const float>{} : own.uncertainty,
-                         supported_rate);
+                                auto& v, const SupportedRate& rate = {}) {
+            update_group(group, {0, values.size()}, values, dL, m, v, halted, rate);
         };
         update(means, g.means, gradients.means, m_.means, v_.means, own.mean);
         update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
@@ -171,8 +166,7 @@ private:
                       Buffer<T, Device>& m,
                       Buffer<T, Device>& v,
                       const int* halted,
-                      Span<const float> uncertainty = {},
-                      float supported_rate = 0) {
+                      const SupportedRate& supported = {}) {
         const auto floats = [&](auto* data) {
             using Float = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(data)>>,
                                              const float, float>;
@@ -188,10 +182,8 @@ private:
                            floats(dL.data()),
                            {rate(group), root_},
                            least,
-                           uncertainty,
-                           static_cast<int>(sizeof(T) / sizeof(float)),
-                           supported_rate,
-                           group == ParameterGroup::means},
+                           supported,
+                           static_cast<int>(sizeof(T) / sizeof(float))},
                           halted);
     }
 
@@ -208,10 +200,13 @@ private:
             const float factor = rate_factors_[static_cast<std::size_t>(group)];
             return adam_scale(own * factor, count_).step;
         };
-        const float fall = position_rate(options_, step, 1) / options_.position_start;
-        return {g.uncertainty.span(), scaled(options_.supported_position * fall, means),
-                scaled(options_.supported_scale, scales),
-                scaled(options_.supported_rotation, rotations)};
+        // A rate of 0 of the others holds them still and has no decay.
+        const float first = options_.position_start,
+                    fall = first > 0 ? position_rate(options_, step, 1) / first : 1;
+        const Span<const float> u = g.uncertainty.span();
+        return {{u, scaled(options_.supported_position * fall, means), true},
+                {u, scaled(options_.supported_scale, scales)},
+                {u, scaled(options_.supported_rotation, rotations)}};
     }
 
     /// Rate of the current step with its bias correction.

@@ -61,17 +61,26 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
              scale.opacity_logit);
 }
 
-/// Rates of splats that stereo supports, in place of the others': that of the mean is per unit of
-/// the splat's uncertainty.
-struct SupportedScale {
-    Span<const float> uncertainty;  // [N]; empty: all splats have the others' rates
-    float mean = 0, log_scale = 0, quat = 0;
+/// Rate of one parameter for splats that stereo supports.
+struct SupportedRate {
+    Span<const float> uncertainty{};  // [N]; empty: all splats have the others' rate
+    float rate = 0;
+    bool in_uncertainties = false;  // the rate is per unit of the splat's uncertainty
 
-    TVSGS_HD GeometryScale of(int i, const GeometryScale& others) const {
-        GeometryScale scale = others;
-        if (uncertainty.empty() || !(uncertainty[i] > 0)) return scale;
-        scale.mean = mean * uncertainty[i];
-        scale.log_scale = log_scale, scale.quat = quat;
+    TVSGS_HD float of(int i, float others) const {
+        if (!is_supported(uncertainty, i)) return others;
+        return in_uncertainties ? rate * uncertainty[i] : rate;
+    }
+};
+
+/// The same of all parameters that have one.
+struct SupportedScale {
+    SupportedRate mean{}, log_scale{}, quat{};
+
+    TVSGS_HD GeometryScale of(int i, GeometryScale scale) const {
+        scale.mean = mean.of(i, scale.mean);
+        scale.log_scale = log_scale.of(i, scale.log_scale);
+        scale.quat = quat.of(i, scale.quat);
         return scale;
     }
 };

@@ -84,9 +84,6 @@ MeshTexture texture_of(const TriangleMesh& mesh,
 std::string summary_text(const MeshSummary& summary,
                          const TriangleMesh& mesh,
                          const MeshTexture& texture) {
-    const auto counted = [](std::size_t count, const char* what) {
-        return str(grouped(count), " ", what, count == 1 ? "" : "s");
-    };
     std::string text = str("Mesh: ", counted(mesh.faces.size(), "face"), ", ",
                            counted(summary.components, "component"));
     if (const std::size_t removed = summary.removed_components; removed > 0)

@@ -287,6 +287,7 @@ void check_consistency(const TrainOptions& options) {
                     "set both weights to 0, or tv.enabled to true");
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
     check_cameras(options, backbone->traits.has_camera_gradient);
+    check_support(options, backbone->traits);
     for (const TermOnList& term : terms_on_list(options.loss)) {
         if (!(term.weight > 0)) continue;
         const std::string lacks = names_of(without(term.needs.maps, backbone->traits.maps));

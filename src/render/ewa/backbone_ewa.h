@@ -37,13 +37,10 @@ class EwaBackbone final : public TiledBackbone<Device> {
 public:
     static constexpr BackboneTraits kTraits{.maps = Maps::color | kGeometryMaps | Maps::coverage,
                                             .low_pass_px2 = kLowPassPx2,
-                                            .fuses = true,
-                                            .has_camera_gradient = true};
+                                            .parts_colors = true};
 
     explicit EwaBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}
-
-    void set_color_share(float share) override { color_share_ = share; }
 
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
@@ -144,7 +141,7 @@ private:
     template <Channels kChannels>
     void forward_as(const Gaussians<Device>& g) {
         auto& clock = this->clock();
-        const ColorShare share{g.uncertainty.span(), color_share_};
+        const ColorShare share{g.uncertainty.span(), this->color_share_};
         parted_ = has_color(kChannels) && share.parts();
         const auto project = [&](auto& to) {
             return ProjectBody<blended(kChannels)>{view_,
@@ -207,8 +204,7 @@ private:
     }
 
     BackboneOptions options_;
-    Camera camera_;  // of the rays of depth
-    float color_share_ = 1;
+    Camera camera_;        // of the rays of depth
     bool parted_ = false;  // in the last forward()
     Channels channels_ = Channels::color;
     TileGrid grid_{};

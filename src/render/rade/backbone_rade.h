@@ -42,9 +42,7 @@ class RadeBackbone final : public TiledBackbone<Device> {
 public:
     static constexpr BackboneTraits kTraits{
         .maps = Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage,
-        .fades_thin_splats = true,
-        .fuses = true,
-        .has_camera_gradient = true};
+        .fades_thin_splats = true};
 
     explicit RadeBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}

@@ -25,13 +25,10 @@ public:
     static constexpr BackboneTraits kTraits{
         .maps = Maps::color | kGeometryMaps | Maps::distortion | Maps::coverage,
         .flat = true,
-        .fuses = true,
-        .has_camera_gradient = true};
+        .parts_colors = true};
 
     explicit SurfelBackbone(const BackboneOptions& options)
         : TiledBackbone<Device>(kTraits), options_(options) {}
-
-    void set_color_share(float share) override { color_share_ = share; }
 
     void prepare(int, bool, const std::vector<Camera>&, Gaussians<Device>& g) override {
         parallel_for(Device{}, g.size(), ThinBody{g.log_scales.span()});
@@ -47,7 +44,7 @@ public:
                  tile_grid(camera.width_px, camera.height_px),
                  sh_degree < g.sh_degree ? sh_degree : g.sh_degree, options_.near};
         resize_images(camera);
-        const ColorShare share{g.uncertainty.span(), color_share_};
+        const ColorShare share{g.uncertainty.span(), this->color_share_};
         parted_ = color_ && share.parts();
         const auto project = [&](auto& to) {
             return ProjectSurfelsBody{view_,
@@ -136,7 +133,6 @@ private:
     bool median() const { return options_.depth != SurfaceDepth::expected; }
 
     BackboneOptions options_;
-    float color_share_ = 1;
     bool color_ = true, maps_ = false, parted_ = false;  // of the last forward()
     SurfelView view_{};
     Surfels<Device> splats_;

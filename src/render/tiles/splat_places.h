@@ -110,9 +110,8 @@ private:
         do {
             splats.resize(room_);
             in_view = 0;
-            std::atomic<int> turn = 0;  // the chunk whose records are placed next
-            run_chunks((count + kChunk - 1) / kChunk, [&](int chunk, int slot) {
-                const int begin = chunk * kChunk, end = std::min(count, begin + kChunk);
+            std::atomic<int> turn = 0;  // first splat of the range whose records are placed next
+            run_ranges(count, kChunk, [&](int begin, int end, int slot) {
                 Splats& records = own[static_cast<std::size_t>(slot)];
                 const auto projection = project(records);
                 typename std::remove_const_t<decltype(projection)>::Found found;
@@ -124,10 +123,10 @@ private:
                     radii[at] = seen ? projection.radius(found) : 0;
                     if (seen) projection.store(i, found, here++);
                 }
-                for (int now; (now = turn.load(std::memory_order_acquire)) != chunk;)
+                for (int now; (now = turn.load(std::memory_order_acquire)) != begin;)
                     turn.wait(now, std::memory_order_relaxed);
                 first = in_view, in_view += here;
-                turn.store(chunk + 1, std::memory_order_release);
+                turn.store(end, std::memory_order_release);
                 turn.notify_all();
                 for (int i = begin; i < end; ++i) before_[static_cast<std::size_t>(i)] += first;
                 if (in_room(first, here)) copy_records(records, here, splats, first);

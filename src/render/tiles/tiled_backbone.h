@@ -11,7 +11,8 @@ namespace tvsgs {
 template <class Device>
 class TiledBackbone : public Backbone<Device> {
 public:
-    using Backbone<Device>::Backbone;
+    /// Sets the traits of blend_backward() and add_camera_gradient().
+    explicit TiledBackbone(BackboneTraits of) : Backbone<Device>(with_gradients(of)) {}
 
     void backward(const Gaussians<Device>& g,
                   const ImageGradients<Device>& dL_dimages,
@@ -57,6 +58,11 @@ public:
     RenderCounts counts() const final { return {lists_.visible_count, lists_.fragment_count}; }
 
 protected:
+    static BackboneTraits with_gradients(BackboneTraits of) {
+        of.fuses = of.has_camera_gradient = true;
+        return of;
+    }
+
     /// First half of forward(): finds the splats in view, their colours if requested, and their
     /// tiles. project() as in PlaceFinder.
     template <class Splats, class Project>

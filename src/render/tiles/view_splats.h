@@ -27,7 +27,7 @@ struct ColorShare {
     float supported = 1;
 
     TVSGS_HD float operator()(int i) const {
-        return !uncertainty.empty() && uncertainty[i] > 0 ? supported : 1.0f;
+        return is_supported(uncertainty, i) ? supported : 1.0f;
     }
     bool parts() const { return supported < 1 && !uncertainty.empty(); }
 };

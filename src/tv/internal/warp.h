@@ -171,13 +171,12 @@ TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
     [[maybe_unused]] const bool wide = has_wide_packs();
-    constexpr int kChunk = 16;
     const std::size_t words = scratch_bytes / sizeof(std::uint64_t) + 1;
     std::vector<std::vector<std::uint64_t>> scratch(static_cast<std::size_t>(thread_count()));
-    run_chunks((count + kChunk - 1) / kChunk, [&](int chunk, int slot) {
+    run_ranges(count, 16, [&](int begin, int end, int slot) {
         auto& memory = scratch[static_cast<std::size_t>(slot)];
         memory.resize(words);
-        for (int i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
+        for (int i = begin; i < end; ++i) {
             if constexpr (requires { Body::kPacks; }) {
                 if (wide) {
                     detail::call_wide(body, i, memory.data());
