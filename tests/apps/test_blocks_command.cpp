@@ -238,7 +238,7 @@ TEST_F(BlocksCommand, SingleBlocksRunAgainWithTheSameBits) {
     copy("again");
     const std::string before = contents(splats("again", 2));
     const auto written = fs::last_write_time(splats("again", 2));
-    expect_message(train("again", 2), 0, {"is done"});
+    expect_message(train("again", 2), 0, {"--again trains it again"});
     EXPECT_EQ(fs::last_write_time(splats("again", 2)), written);
     EXPECT_EQ(train("again", 2, "--again").code, 0);
     EXPECT_NE(fs::last_write_time(splats("again", 2)), written);
@@ -345,7 +345,7 @@ TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
     for (int b = 1; b <= kBlocks; ++b) {
         EXPECT_EQ(contents(splats("all", b)), contents(splats("blocks", b)));
         const std::string log = contents(block("all", b) / "train.log");
-        EXPECT_NE(log.find("is done: "), std::string::npos) << log;
+        EXPECT_NE(log.find("of 3 is done: "), std::string::npos) << log;
         EXPECT_EQ(log.find("\"iteration\""), std::string::npos) << log;
     }
     expect_message(bin("tvsgs-blocks run all --jobs 2"), 0, {"All 3 blocks are done, 0 of them"});

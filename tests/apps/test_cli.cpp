@@ -93,7 +93,10 @@ TEST_F(Cli, ProgressIsWhatWasAskedFor) {
     EXPECT_TRUE(messages("--quiet --progress json").empty());
     int reports = 0;
     for (const std::string& line : messages("--progress json --report-every 1")) {
-        if (!line.starts_with("{")) continue;  // messages
+        // Messages contain no " %  ", but each line of a progress bar does.
+        EXPECT_EQ(line.find(" %  "), std::string::npos) << line;
+        EXPECT_EQ(line.find('\r'), std::string::npos) << line;
+        if (!line.starts_with("{")) continue;
         EXPECT_TRUE(json::parse(line, nullptr, false).contains("iteration")) << line;
         ++reports;
     }
@@ -228,7 +231,7 @@ TEST_F(Cli, ScenesThatCannotBeRead) {
 
 TEST_F(Cli, ScenesThatLie) {
     expect_refused("--scene scene/splits.json", 3, "is a file");
-    expect_refused("--scene nowhere", 3, "not found");
+    expect_refused("--scene nowhere", 3, "nowhere: not found");
     expect_refused("--scene scene --views 1", 3, "1 training views; expected at least 2");
     expect_refused("--scene scene --split train_3 --eval", 2, "exclude each other");
 

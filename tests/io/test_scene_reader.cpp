@@ -155,7 +155,7 @@ TEST_F(SceneReader, Layouts) {
     expect_input_error("/dense/sparse\n");
     options.format = SceneFormat::automatic;
     options.path = "/no/such/scene";
-    expect_input_error("not found");
+    expect_input_error("/no/such/scene: not found");
     expect_input_error("while reading scene /no/such/scene");
 }
 
