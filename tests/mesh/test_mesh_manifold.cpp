@@ -4,10 +4,13 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
+#include <utility>
 
 #include "core/error.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend_shapes.h"
+#include "mesh/meshers_list.h"
 #include "pipeline/mesh/mesh_extraction.h"
 
 namespace tvsgs {
@@ -115,6 +118,18 @@ TEST(Mending, IsTheOptionsChoice) {
     TriangleMesh empty;
     detail::mend_mesh(empty, kCameras, {}, {});
     EXPECT_TRUE(empty.faces.empty());
+}
+
+TEST(Mending, DependsOnTheMesher) {
+    using Traits = std::map<std::string, std::pair<bool, bool>>;  // rough, closed
+    Traits found;
+    visit_meshers<Cpu>({}, [&](auto, const char* name, const auto&...) {
+        const auto mesher = make_mesher<Cpu>(name, {});
+        found[name] = {mesher->is_rough(), mesher->is_closed()};
+    });
+    EXPECT_EQ(found, (Traits{{"tsdf", {true, false}},
+                             {"tetrahedra", {false, false}},
+                             {"watertight", {false, true}}}));
 }
 
 TEST(Mending, SmoothsUnlessToldNotTo) {
