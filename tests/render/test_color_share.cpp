@@ -1,7 +1,10 @@
 // Derivatives by colour kept from the shapes of splats that stereo supports.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <cstring>
+#include <vector>
 
 #include "core/error.h"
 #include "render/backbone.h"
@@ -57,6 +60,21 @@ bool same_bits(const auto& a, const auto& b) {
     return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0;
 }
 
+constexpr const char* kShape[] = {"mean", "scale", "rotation"};
+
+/// Gradients by the fields of kShape of a splat.
+std::array<std::vector<float>, 3> shape(const Gaussians<Cpu>& g, std::size_t i) {
+    const Vec3f mean = g.means[i], scale = g.log_scales[i];
+    const Quatf q = g.quats[i];
+    return {{{mean.x, mean.y, mean.z}, {scale.x, scale.y, scale.z}, {q.w, q.x, q.y, q.z}}};
+}
+
+double squared_distance(const std::vector<float>& a, const std::vector<float>& b) {
+    double sum = 0;
+    for (std::size_t c = 0; c < a.size(); ++c) sum += std::pow(double(a[c]) - double(b[c]), 2);
+    return sum;
+}
+
 class ColorShare : public testing::TestWithParam<const char*> {};
 
 /// As gradients add up, a shape gets kShare of those of colours and all of the others.
@@ -69,27 +87,28 @@ TEST_P(ColorShare, ReachesTheShapesOfSupportedSplats) {
     const auto parted = gradients(GetParam(), g, kShare, maps, by),
                all = gradients(GetParam(), g, 1, maps, by),
                of_maps = gradients(GetParam(), g, 1, maps, by_maps);
-    int supported = 0, others = 0;
+    int supported[3] = {}, others[3] = {};  // by field: splats that colours change by 0.1 or more
     for (std::size_t i = 0; i < g.means.size(); ++i) {
-        const float share = g.uncertainty[i] > 0 ? kShare : 1;
-        const auto expect = [&](float got, float full, float maps_alone, const char* what) {
-            const float wanted = share * full + (1 - share) * maps_alone;
-            // Sums of some hundred pixels in float, of terms that cancel.
-            EXPECT_TRUE(close(got, wanted, 2e-3, 1)) << what << " of splat " << i;
-        };
-        for (int c = 0; c < 3; ++c) {
-            expect(parted.means[i][c], all.means[i][c], of_maps.means[i][c], "mean");
-            expect(parted.log_scales[i][c], all.log_scales[i][c], of_maps.log_scales[i][c],
-                   "scale");
+        const bool has_support = g.uncertainty[i] > 0;
+        const float share = has_support ? kShare : 1;
+        const auto got = shape(parted, i), full = shape(all, i), maps_alone = shape(of_maps, i);
+        for (std::size_t f = 0; f < 3; ++f) {
+            for (std::size_t c = 0; c < got[f].size(); ++c) {
+                const float wanted = share * full[f][c] + (1 - share) * maps_alone[f][c];
+                // Sums of some hundred pixels in float, of terms that cancel.
+                EXPECT_TRUE(close(got[f][c], wanted, 2e-3, 1)) << kShape[f] << " of splat " << i;
+            }
+            // 0.1 is 50 times the tolerance above.
+            (has_support ? supported : others)[f] +=
+                squared_distance(full[f], maps_alone[f]) > 0.1 * 0.1;
         }
-        expect(parted.quats[i].x, all.quats[i].x, of_maps.quats[i].x, "rotation");
         EXPECT_TRUE(close(parted.opacity_logits[i], all.opacity_logits[i], 2e-3, 0.1));
-        const bool moved = norm(all.means[i] - of_maps.means[i]) > 1;
-        (g.uncertainty[i] > 0 ? supported : others) += moved;
     }
     EXPECT_TRUE(same_bits(parted.sh, all.sh));
-    EXPECT_GT(supported, 50) << "splats that colours would move";
-    EXPECT_GT(others, 25);
+    for (std::size_t f = 0; f < 3; ++f) {
+        EXPECT_GT(supported[f], 50) << kShape[f];
+        EXPECT_GT(others[f], 25) << kShape[f];
+    }
 }
 
 TEST_P(ColorShare, OfZeroLeavesTheShapesAlone) {
@@ -150,13 +169,17 @@ TEST(ColorShareTwins, CpuAgainstCuda) {
                 backbone->backward(there, by_there, dL);
                 Gaussians<Cpu> back;
                 copy(dL, back);
-                double off = 0, total = 0;
+                double off[3] = {}, total[3] = {};
                 for (std::size_t i = 0; i < g.means.size(); ++i) {
-                    const double d = norm(back.means[i] - here.means[i]), n = norm(here.means[i]);
-                    off += d * d, total += n * n;
+                    const auto there_i = shape(back, i), here_i = shape(here, i);
+                    for (std::size_t f = 0; f < 3; ++f) {
+                        off[f] += squared_distance(there_i[f], here_i[f]);
+                        total[f] += squared_distance(here_i[f], {0, 0, 0, 0});
+                    }
                 }
                 // A splat at its cut-off takes a pixel's gradient along.
-                EXPECT_LT(std::sqrt(off / total), 5e-3) << name;
+                for (std::size_t f = 0; f < 3; ++f)
+                    EXPECT_LT(std::sqrt(off[f] / total[f]), 5e-3) << name << ' ' << kShape[f];
             }
     }
 }
