@@ -21,7 +21,7 @@ depends=$(dpkg-deb --field "$main" Depends)
 for library in libc6 libspdlog libzip4; do
     grep -q "$library" <<<"$depends" || fail "$main does not depend on $library: $depends"
 done
-! grep -E 'matio|hdf5|curl|opencv' <<<"$depends" || fail "$main depends on a library that only tvsgs-eval or tvsgs-prepare needs"
+! grep -E 'matio|hdf5|curl|opencv|gomp' <<<"$depends" || fail "$main depends on a library that its commands do not use: $depends"
 dpkg-deb --contents "$main" >contents
 for file in bin/tvsgs-train bin/tvsgs share/man/man1/tvsgs-train.1.gz share/bash-completion/completions/tvsgs-train \
     share/doc/tvsgs/copyright share/tvsgs/configs/auto.json; do
