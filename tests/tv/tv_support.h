@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <random>
 #include <string>
 #include <type_traits>
@@ -82,6 +83,44 @@ public:
 private:
     std::mt19937 engine_;
 };
+
+inline TvOptions options_with(int k) {
+    TvOptions options;
+    options.k = k;
+    return options;
+}
+
+inline double median_of(std::vector<double> values) {
+    std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2),
+                     values.end());
+    return values[values.size() / 2];
+}
+
+inline Vec3f tilted(Random& random, Vec3f normal, float by) {
+    return normalize(normal + by * random.normal3());
+}
+
+inline bool same_bits(const FieldOnHost& a, const FieldOnHost& b) {
+    const auto equal = [](const auto& x, const auto& y) {
+        return x.size() == y.size() &&
+               std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
+    };
+    return equal(a.tensors, b.tensors) && equal(a.eigenvalues, b.eigenvalues) &&
+           equal(a.normals, b.normals) && equal(a.targets, b.targets) && equal(a.flags, b.flags);
+}
+
+/// Splats near the unit sphere, with noise in their positions, scales and normals.
+inline Cloud sphere(int count, unsigned seed, float noise = 0.01f) {
+    Random random(seed);
+    Cloud cloud;
+    const float spacing = std::sqrt(12.57f / float(count));
+    for (int i = 0; i < count; ++i) {
+        const Vec3f n = normalize(random.normal3());
+        cloud.add((1 + noise * random.normal()) * n, random.flat_scales(0.5f * spacing),
+                  quat_from_z(tilted(random, n, 0.1f)));
+    }
+    return cloud;
+}
 
 /// Every splat votes for splat 5, and otherwise for near or random ones.
 inline std::vector<std::uint32_t> made_up_lists(int count, int k) {
