@@ -105,7 +105,7 @@ private:
 
     /// Rejects requests with another host name (a foreign page can point its name at this machine)
     /// and requests without the token, which only the user's terminal shows. The first request
-    /// stores the token in a cookie, so that it does not stay in the address.
+    /// stores the token in a cookie, so that it does not stay in the address; other parameters do.
     bool admit(const httplib::Request& request, httplib::Response& response) {
         const std::string host = request.get_header_value("Host"), port = std::to_string(port_),
                           name = "tvsgs_" + port;
@@ -117,7 +117,9 @@ private:
         } else if (request.path == "/" && same(request.get_param_value("token"), token_)) {
             response.set_header("Set-Cookie",
                                 str(name, "=", token_, "; HttpOnly; SameSite=Strict; Path=/"));
-            response.set_redirect("/", 303);
+            httplib::Params rest = request.params;
+            rest.erase("token");
+            response.set_redirect(rest.empty() ? "/" : httplib::append_query_params("/", rest), 303);
         } else if (!same(cookie(request.get_header_value("Cookie"), name), token_)) {
             response.status = 403;
             response.set_content("Open the address that tvsgs-view printed.\n", "text/plain");

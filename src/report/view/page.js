@@ -43,8 +43,8 @@ async function follow(viewer) {
         pause = 5000;
       } else if (state.tag !== last) {
         const bytes = new Uint8Array(await (await fetch('api/splats')).arrayBuffer());
-        const splats = await unpackSplatsAside(
-            await inflate(bytes, 'gzip'), null, minus(state.origin, about.origin));
+        const splats = await patiently(unpackSplatsAside(
+            await inflate(bytes, 'gzip'), null, minus(state.origin, about.origin)));
         viewer.renderer.sort(
             viewer.renderer.makeCloud(run, splats), run.about.near, viewer.view, true);
         last = state.tag;
