@@ -39,67 +39,110 @@ double psnr_of(const Image<T>& a, const Image<T>& b) {
 }
 
 constexpr int kRadius = 5;
-using Plane = std::vector<double>;
 
-/// Separable Gaussian with zeros outside.
-Plane blur(const Plane& in, int width, int height) {
-    std::array<double, 2 * kRadius + 1> weights;
+/// The taps of a Gaussian with standard deviation 1.5; their sum is 1.
+std::array<double, 2 * kRadius + 1> gaussian_taps() {
+    std::array<double, 2 * kRadius + 1> taps;
     double sum = 0;
     for (int k = -kRadius; k <= kRadius; ++k)
-        sum += weights[k + kRadius] = std::exp(-k * k / (2 * 1.5 * 1.5));
-    for (double& w : weights) w /= sum;
-    const auto pass = [&](const Plane& from, Plane& to, int length, int stride, int lines,
-                          int line_stride) {
-        parallel_for_heavy(Cpu{}, lines, [&](int line) {
-            const double* source = from.data() + static_cast<std::ptrdiff_t>(line) * line_stride;
-            double* target = to.data() + static_cast<std::ptrdiff_t>(line) * line_stride;
-            for (int i = 0; i < length; ++i) {
-                double value = 0;
-                for (int k = std::max(-kRadius, -i); k <= std::min(kRadius, length - 1 - i); ++k)
-                    value +=
-                        weights[k + kRadius] * source[static_cast<std::ptrdiff_t>(i + k) * stride];
-                target[static_cast<std::ptrdiff_t>(i) * stride] = value;
-            }
-        });
-    };
-    Plane rows(in.size()), out(in.size());
-    pass(in, rows, width, 1, height, width);
-    pass(rows, out, height, width, width, 1);
-    return out;
+        sum += taps[k + kRadius] = std::exp(-k * k / (2 * 1.5 * 1.5));
+    for (double& tap : taps) tap /= sum;
+    return taps;
 }
+
+/// Windowed means of a, b, a^2, b^2 and ab over rows of one channel, with zeros outside.
+class WindowMeans {
+public:
+    enum Mean { of_a, of_b, of_aa, of_bb, of_ab, kMeans };
+
+    explicit WindowMeans(int width) : width_(width) {
+        for (auto* rows : {&raw_, &means_})
+            for (auto& row : *rows) row.resize(static_cast<std::size_t>(width));
+    }
+
+    /// Blurs along the rows [begin, end).
+    template <class T>
+    void read(const Image<T>& a, const Image<T>& b, int channel, int begin, int end) {
+        begin_ = begin, end_ = end;
+        for (auto& plane : rows_)
+            plane.assign(static_cast<std::size_t>(end - begin) * static_cast<std::size_t>(width_),
+                         0);
+        for (int y = begin; y < end; ++y) {
+            for (int x = 0; x < width_; ++x) {
+                const double va = unit(a.at(x, y, channel)), vb = unit(b.at(x, y, channel));
+                raw_[of_a][x] = va, raw_[of_b][x] = vb;
+                raw_[of_aa][x] = va * va, raw_[of_bb][x] = vb * vb, raw_[of_ab][x] = va * vb;
+            }
+            for (int mean = 0; mean < kMeans; ++mean) {
+                const double* from = raw_[mean].data();
+                double* to = row(mean, y);
+                for (int k = -kRadius; k <= kRadius; ++k)
+                    for (int x = std::max(0, -k); x < std::min(width_, width_ - k); ++x)
+                        to[x] += taps_[k + kRadius] * from[x + k];
+            }
+        }
+    }
+
+    /// The means of row y; the rows within kRadius must have been read.
+    const std::array<std::vector<double>, kMeans>& at(int y) {
+        for (int mean = 0; mean < kMeans; ++mean) {
+            double* to = means_[mean].data();
+            std::fill_n(to, width_, 0.0);
+            for (int v = std::max(begin_, y - kRadius); v <= std::min(end_ - 1, y + kRadius); ++v)
+                for (int x = 0; x < width_; ++x) to[x] += taps_[v - y + kRadius] * row(mean, v)[x];
+        }
+        return means_;
+    }
+
+private:
+    double* row(int mean, int y) {
+        return rows_[mean].data() + static_cast<std::ptrdiff_t>(y - begin_) * width_;
+    }
+
+    const std::array<double, 2 * kRadius + 1> taps_ = gaussian_taps();
+    int width_, begin_ = 0, end_ = 0;
+    std::array<std::vector<double>, kMeans> raw_, rows_, means_;
+};
 
 template <class T>
 Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
     require_same_shape(a, b);
     constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
+    constexpr int kRows = 32;  // of a chunk, whose rows fit into the cache
     const int width = a.width, height = a.height;
-    const std::size_t pixels = a.pixels.size() / a.channels;
-    double sum = 0, valid_sum = 0;
-    for (int channel = 0; channel < a.channels; ++channel) {
-        Plane pa(pixels), pb(pixels), aa(pixels), bb(pixels), ab(pixels);
-        for (std::size_t i = 0; i < pixels; ++i) {
-            pa[i] = unit(a.pixels[i * a.channels + channel]),
-            pb[i] = unit(b.pixels[i * a.channels + channel]);
-            aa[i] = pa[i] * pa[i], bb[i] = pb[i] * pb[i], ab[i] = pa[i] * pb[i];
-        }
-        for (Plane* plane : {&pa, &pb, &aa, &bb, &ab}) *plane = blur(*plane, width, height);
-        for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const std::size_t i = static_cast<std::size_t>(y) * width + x;
-                const double ma = pa[i], mb = pb[i];
-                const double va = aa[i] - ma * ma, vb = bb[i] - mb * mb, cov = ab[i] - ma * mb;
-                const double value = (2 * ma * mb + kC1) * (2 * cov + kC2) /
-                                     ((ma * ma + mb * mb + kC1) * (va + vb + kC2));
-                sum += value;
-                if (x >= kRadius && x < width - kRadius && y >= kRadius && y < height - kRadius)
-                    valid_sum += value;
+    struct Sums {
+        double all = 0, valid = 0;
+    };
+    std::vector<Sums> of_rows(static_cast<std::size_t>(height));
+    run_ranges(height, kRows, [&](int begin, int end, int /*slot*/) {
+        WindowMeans windows(width);
+        for (int channel = 0; channel < a.channels; ++channel) {
+            windows.read(a, b, channel, std::max(0, begin - kRadius),
+                         std::min(height, end + kRadius));
+            for (int y = begin; y < end; ++y) {
+                const auto& m = windows.at(y);
+                Sums& sums = of_rows[static_cast<std::size_t>(y)];
+                for (int x = 0; x < width; ++x) {
+                    const double ma = m[WindowMeans::of_a][x], mb = m[WindowMeans::of_b][x];
+                    const double va = m[WindowMeans::of_aa][x] - ma * ma,
+                                 vb = m[WindowMeans::of_bb][x] - mb * mb,
+                                 cov = m[WindowMeans::of_ab][x] - ma * mb;
+                    const double value = (2 * ma * mb + kC1) * (2 * cov + kC2) /
+                                         ((ma * ma + mb * mb + kC1) * (va + vb + kC2));
+                    sums.all += value;
+                    if (x >= kRadius && x < width - kRadius && y >= kRadius && y < height - kRadius)
+                        sums.valid += value;
+                }
             }
-    }
+        }
+    });
+    Sums sums;
+    for (const Sums& row : of_rows) sums.all += row.all, sums.valid += row.valid;
     const double valid =
         static_cast<double>(std::max(0, width - 2 * kRadius)) * std::max(0, height - 2 * kRadius);
     return {
-        sum / static_cast<double>(a.pixels.size()),
-        valid > 0 ? valid_sum / (valid * a.channels) : std::numeric_limits<double>::quiet_NaN()};
+        sums.all / static_cast<double>(a.pixels.size()),
+        valid > 0 ? sums.valid / (valid * a.channels) : std::numeric_limits<double>::quiet_NaN()};
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "core/device/threads.h"
 #include "core/log.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
@@ -131,7 +132,9 @@ JsonValue pictures(const std::string& run,
     });
     JsonValue list = JsonValue::list();
     const std::size_t n = order.size(), count = std::min(n, kMaxViews);
-    for (std::size_t i = 0; i < count; ++i) {
+    list.items.resize(count);
+    run_chunks(static_cast<int>(count), [&](int chunk, int /*slot*/) {
+        const auto i = static_cast<std::size_t>(chunk);
         const JsonValue& view = *order[count < 2 ? 0 : i * (n - 1) / (count - 1)];
         const std::string name = view["name"].text, stem = render_stem(run, name);
         const ImageU8 render = read_image(stem + ".png", 3);
@@ -152,8 +155,8 @@ JsonValue pictures(const std::string& run,
             const std::string path = str(stem, "_", kind, ".png");
             if (exists(path)) entry.set(kind, picture_json(read_image(path, 3), kPictureWidth));
         }
-        list.items.push_back(std::move(entry));
-    }
+        list.items[i] = std::move(entry);
+    });
     return list;
 }
 

@@ -1,3 +1,28 @@
+#include <zlib.h>
+
+#include <climits>
+#include <cstdlib>
+
+namespace {
+
+/// Compresses for stb's PNG writer: zlib's fast level, in a fifth of the time of stb's own code.
+/// Returns a buffer of std::malloc(); null: no memory.
+unsigned char* compress_fast(unsigned char* data, int size, int* compressed_size, int /*quality*/) {
+    constexpr int kLevel = 1;
+    uLongf bytes = compressBound(static_cast<uLong>(size));
+    auto* const out = static_cast<unsigned char*>(std::malloc(bytes));
+    if (out == nullptr) return nullptr;
+    if (compress2(out, &bytes, data, static_cast<uLong>(size), kLevel) != Z_OK || bytes > INT_MAX) {
+        std::free(out);
+        return nullptr;
+    }
+    *compressed_size = static_cast<int>(bytes);
+    return out;
+}
+
+}  // namespace
+
+#define STBIW_ZLIB_COMPRESS compress_fast
 #define STB_IMAGE_IMPLEMENTATION
 #define STB_IMAGE_WRITE_IMPLEMENTATION
 #include "io/images/stb.h"

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/device/threads.h"
 #include "core/progress.h"
 #include "eval/view_scores.h"
 #include "io/files/atomic_file.h"
@@ -73,9 +74,13 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
     const auto write_pictures = [&](const View& view, const ImageU8& render, const auto& images) {
         const std::string stem = render_stem(run, view.name);
         const int w = images.width, h = images.height;
-        write_png(stem + ".png", render);
-        write_png(stem + "_normal.png", normal_image(w, h, to_host(images.normal)));
-        write_png(stem + "_depth.png", depth_image(w, h, to_host(images.depth)));
+        const auto normals = to_host(images.normal);
+        const auto depths = to_host(images.depth);
+        run_chunks(3, [&](int picture, int /*slot*/) {
+            if (picture == 0) write_png(stem + ".png", render);
+            if (picture == 1) write_png(stem + "_normal.png", normal_image(w, h, normals));
+            if (picture == 2) write_png(stem + "_depth.png", depth_image(w, h, depths));
+        });
         SignalGuard::check();
     };
     ViewScores scores = score_views(gaussians, views, options, write_pictures, scoring);
