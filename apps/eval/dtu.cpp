@@ -45,7 +45,9 @@ JsonValue counts_json(const Prediction& in, std::size_t culled, const DtuMetrics
 }
 
 int dtu(const DtuArguments& a) {
-    const std::vector<Bound> bounds = parse_bounds(a.require);
+    const std::vector<Bound> bounds = parse_bounds(
+        a.require,
+        {"accuracy", "completeness", "chamfer", "median_accuracy", "median_completeness"});
     if (!a.clouds.empty()) create_results_folder(a.clouds, {"accuracy.ply", "completeness.ply"});
     DtuOptions options = a.options;
     if (a.order == "given")

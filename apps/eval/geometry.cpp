@@ -29,9 +29,15 @@ Vec3d origin_of(const std::string& path) {
 }
 
 int geometry(const GeometryArguments& arguments) {
-    const std::vector<Bound> bounds = parse_bounds(arguments.require);
     GeometryOptions options;
     if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
+    std::vector<std::string> keys = {"accuracy", "completeness", "chamfer", "median_accuracy",
+                                     "median_completeness"};
+    for (const char* const name : {"precision@", "recall@", "f1@"}) {
+        if (options.taus.empty()) keys.emplace_back(name);
+        for (const double tau : options.taus) keys.push_back(str(name, tau));
+    }
+    const std::vector<Bound> bounds = parse_bounds(arguments.require, keys);
     options.max_distance = arguments.max_distance;
     const Crop crop = arguments.crop.empty() ? Crop{} : read_crop(arguments.crop);
     const MeasureOptions measure{arguments.point_samples, arguments.seed, arguments.crop,

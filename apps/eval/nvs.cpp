@@ -43,7 +43,12 @@ void write_metrics_files(const std::string& run,
 }
 
 int nvs(const NvsArguments& arguments) {
-    const std::vector<Bound> bounds = parse_bounds(arguments.require);
+    std::vector<std::string> keys;
+    for (const char* const suffix : {"", "_masked"})
+        for (const char* const name : {"psnr", "ssim", "ssim_valid", "lpips"})
+            if (std::string(name) != "lpips" || !arguments.weights.empty())
+                if (*suffix == 0 || arguments.masked) keys.push_back(str(name, suffix));
+    const std::vector<Bound> bounds = parse_bounds(arguments.require, keys);
     ViewScoring scoring;
     scoring.masked = arguments.masked;
     scoring.quantize = arguments.quantize == "round"   ? ViewScoring::Quantize::round

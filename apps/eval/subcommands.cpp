@@ -19,7 +19,9 @@ Bound parse_bound(const std::string& text) {
         if (number != std::string::npos) {
             const auto [rest, code] =
                 std::from_chars(text.data() + number, text.data() + text.size(), bound.limit);
-            if (code == std::errc{} && rest == text.data() + text.size()) return bound;
+            if (code == std::errc{} && rest == text.data() + text.size() &&
+                !std::isnan(bound.limit))
+                return bound;
         }
     }
     throw Error(ExitCode::usage,
@@ -41,11 +43,28 @@ bool same_key(const std::string& a, const std::string& b) {
     return a == b || (name_a == name_b && tau_a == tau_b);
 }
 
+[[noreturn]] void refuse_key(const Bound& bound, const std::vector<std::string>& keys) {
+    std::string known;
+    for (const std::string& key : keys)
+        known += str(known.empty() ? "" : ", ", key, key.ends_with('@') ? "TAU" : "");
+    throw Error(ExitCode::usage, str("--require ", bound.text, ": no result is called '", bound.key,
+                                     "'; expected one of ", known));
+}
+
 }  // namespace
 
-std::vector<Bound> parse_bounds(const std::vector<std::string>& texts) {
+std::vector<Bound> parse_bounds(const std::vector<std::string>& texts,
+                                const std::vector<std::string>& keys) {
     std::vector<Bound> bounds;
-    for (const std::string& text : texts) bounds.push_back(parse_bound(text));
+    for (const std::string& text : texts) {
+        const Bound bound = parse_bound(text);
+        const std::string name = bound.key.substr(0, bound.key.find('@') + 1);  // "f1@"; or empty
+        if (std::none_of(keys.begin(), keys.end(), [&](const std::string& key) {
+                return key.ends_with('@') ? key == name : same_key(key, bound.key);
+            }))
+            refuse_key(bound, keys);
+        bounds.push_back(bound);
+    }
     return bounds;
 }
 
@@ -56,10 +75,9 @@ int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& me
             return same_key(m.key, bound.key);
         });
         if (metric == metrics.end()) {
-            std::string known;
-            for (const Metric& m : metrics) known += (known.empty() ? "" : ", ") + m.key;
-            throw Error(ExitCode::usage, str("--require ", bound.text, ": no result is called '",
-                                             bound.key, "'; expected one of ", known));
+            std::vector<std::string> keys;
+            for (const Metric& m : metrics) keys.push_back(m.key);
+            refuse_key(bound, keys);
         }
         if (bound.holds(metric->value)) continue;
         spdlog::error("Not met: {}; {} is {:.6g}", bound.text, bound.key, metric->value);

@@ -40,8 +40,10 @@ struct Bound {
     }
 };
 
-/// Throws Error(ExitCode::usage).
-std::vector<Bound> parse_bounds(const std::vector<std::string>& texts);
+/// Parses the bounds before anything is measured. `keys`: of the results; "f1@" admits any
+/// threshold. Throws Error(ExitCode::usage).
+std::vector<Bound> parse_bounds(const std::vector<std::string>& texts,
+                                const std::vector<std::string>& keys);
 
 /// Returns the exit code: 0, or that of an unmet bound.
 int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics);

@@ -47,7 +47,7 @@ JsonValue matrix_json(const Affine3d& T) {
 }
 
 int tnt(const TntArguments& a) {
-    const std::vector<Bound> bounds = parse_bounds(a.require);
+    const std::vector<Bound> bounds = parse_bounds(a.require, {"precision", "recall", "f1"});
     const TntFiles files = find_tnt_files(a.scene_dir, a.scene_name);
     const double tau = find_tnt_tau(a.tau, files.scene);
     if (!a.results.empty())

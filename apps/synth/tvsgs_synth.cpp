@@ -205,7 +205,8 @@ int command(int argc, char** argv) {
     parse_command_line(app, argc, argv);
     init_log(quiet ? Verbosity::quiet : Verbosity::normal);
     const int code = run(options);
-    say_next({"tvsgs-train", "--scene", options.out}, "train on it");
+    say_next({"tvsgs-train", "--scene", options.out, "--split", "train_all"},
+             "train on it, and score the other photographs");
     return code;
 }
 

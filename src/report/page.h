@@ -21,7 +21,7 @@ nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:2px 18px;margin:10px 0 0;
 figure{margin:0;min-width:0}.card{background:var(--card);border:1px solid var(--line);border-radius:6px;padding:10px}
 svg.plot{display:block;width:100%;height:auto}
 details{margin-top:6px}summary{cursor:pointer;color:var(--link);padding:6px 0}
-.scroll{overflow-x:auto;max-height:26rem;overflow-y:auto}
+.scroll{overflow-x:auto}
 table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}
 th,td{padding:3px 10px;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 th:first-child,td:first-child{text-align:left}.words td,.words th{text-align:left;white-space:normal;overflow-wrap:anywhere}

@@ -160,6 +160,13 @@ TEST_F(Cli, MeshAndScores) {
     ASSERT_EQ(eval.code, 0) << eval;
     EXPECT_GT(json::parse(contents(folder_ / "geometry.json")).at("chamfer").get<double>(), 0);
     EXPECT_EQ(call("eval", geometry + "--require 'chamfer<=1e-9'").code, 8);
+    // Bounds that no result can answer are refused before anything is measured.
+    for (const char* const bound : {"f1>=0.5", "f1@0.1>=0.5", "chamfer<=nan"}) {
+        const Result wrong = call("eval", geometry + "--require '" + bound + "'");
+        EXPECT_EQ(wrong.code, 2) << wrong;
+        EXPECT_FALSE(wrong.says("samples")) << wrong;
+    }
+    EXPECT_EQ(call("eval", geometry + "--require 'f1@0.050<=1'").code, 0);
 
     fs::remove(folder_ / "run/eval/nvs.json");
     const Result nvs = call("eval", "nvs -m run --device cpu --require 'psnr>=5'");

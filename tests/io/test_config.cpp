@@ -1,6 +1,10 @@
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <sstream>
 
 #include "io/config/config.h"
 #include "io/io_test.h"
@@ -90,10 +94,23 @@ TEST_F(Config, UnknownKeysNameTheNearest) {
     expect_usage_error("unknown key 'tv.info'", R"({"tv": {"info": 1}})");
     expect_error(ExitCode::usage, "--set: unknown key 'tv.sed'",
                  [&] { table.set("tv.sed", "1", "--set"); });
+}
+
+/// Another program may use the prefix.
+TEST_F(Config, UnknownVariablesAreIgnoredWithAWarning) {
     setenv("TVSGS_TV__SEDE", "8", 1);
-    expect_error(ExitCode::usage, "TVSGS_TV__SEDE: unknown key 'tv.sede'; did you mean 'tv.seed'?",
-                 [&] { table.read_environment(); });
-    unsetenv("TVSGS_TV__SEDE");
+    setenv("TVSGS_TV__SEED", "9", 1);
+    std::ostringstream log;
+    const auto usual = spdlog::default_logger();
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+        "", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
+    table.read_environment();
+    spdlog::set_default_logger(usual);
+    unsetenv("TVSGS_TV__SEDE"), unsetenv("TVSGS_TV__SEED");
+    EXPECT_EQ(options.seed, 9);
+    EXPECT_NE(log.str().find("TVSGS_TV__SEDE: unknown key 'tv.sede'; did you mean 'tv.seed'?"),
+              std::string::npos)
+        << log.str();
 }
 
 TEST_F(Config, DuplicateKeys) {

@@ -175,15 +175,20 @@ auto find_option(Options& options, const std::string& key) {
     return found == options.end() ? nullptr : &*found;
 }
 
-[[noreturn]] void throw_unknown(const std::vector<Option>& options,
-                                const std::string& key,
-                                const std::string& source) {
+std::string unknown_key_text(const std::vector<Option>& options,
+                             const std::string& key,
+                             const std::string& source) {
     std::vector<std::string> keys;
     for (const Option& option : options) keys.push_back(option.key);
     const std::string near = nearest_name(key, keys);
-    throw Error(ExitCode::usage, str(source, ": unknown key '", key, "'; ",
-                                     near.empty() ? "tvsgs-train --list-keys lists all keys"
-                                                  : str("did you mean '", near, "'?")));
+    return str(source, ": unknown key '", key, "'; ",
+               near.empty() ? "tvsgs-train --list-keys lists all keys"
+                            : str("did you mean '", near, "'?"));
+}
+[[noreturn]] void throw_unknown(const std::vector<Option>& options,
+                                const std::string& key,
+                                const std::string& source) {
+    throw Error(ExitCode::usage, unknown_key_text(options, key, source));
 }
 
 /// A key of a configuration and the file that sets it.
@@ -343,10 +348,13 @@ void OptionTable::read_environment(const OptionTable* others) {
             key[at] = '.', key.erase(at + 1, 1);
         std::transform(key.begin(), key.end(), key.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-        if (others && !find_option(options_, key) && find_option(others->options_, key))
+        const std::string source = str("environment variable ", name);
+        if (find_option(options_, key))
+            set(key, value, source);
+        else if (others && find_option(others->options_, key))
             spdlog::warn("{}: this command has no key {}; ignored", name, key);
-        else
-            set(key, value, str("environment variable ", name));
+        else  // perhaps of another program
+            spdlog::warn("{} Ignored", unknown_key_text(options_, key, source));
     }
 }
 

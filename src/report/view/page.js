@@ -92,6 +92,7 @@ async function test(viewer) {
   for (const run of renderer.runs) {
     await new Promise(resolve => {
       viewer.ask = resolve;
+      run.cloud.sortedFor = null;
       if (run.cloud.count === 0)
         resolve();
       else

@@ -24,7 +24,15 @@ class Viewer {
       say(`Reading ${run.splats.toLocaleString('en')} splats of ${run.name} …`);
       await new Promise(resolve => setTimeout(resolve));  // lets the browser show the text
       const {splats, mesh} = await readRun(run, i);
-      this.renderer.addRun(run, splats, mesh, paletteOf(about.palette), () => this.ask());
+      // The canvas replaces the picture when its first frame has something to draw.
+      await new Promise(resolve => {
+        this.renderer.addRun(run, splats, mesh, paletteOf(about.palette), () => {
+          resolve();
+          this.ask();
+        });
+        if (splats.count === 0) resolve();
+        this.renderer.sort(this.renderer.runs[i].cloud, run.near, this.view, true);
+      });
     }
   }
 
@@ -74,7 +82,7 @@ class Viewer {
 
   draw(now) {
     this.asked = false;
-    if (this.renderer.gl.isContextLost()) return;
+    if (this.canvas.hidden || this.renderer.gl.isContextLost()) return;
     if (this.flight) this.fly(now);
     const box = this.stage.getBoundingClientRect(), ratio = Math.min(devicePixelRatio || 1, 2);
     const tall = box.height > box.width, n = this.panes.length;
