@@ -1,10 +1,13 @@
 #include "apps/prepare/reconstruct.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
-#include <set>
 
+#include "apps/prepare/colmap.h"
 #include "apps/prepare/run_program.h"
+#include "core/device/threads.h"
+#include "core/grouped.h"
 #include "core/log.h"
 #include "core/progress.h"
 #include "io/files/atomic_file.h"
@@ -18,13 +21,11 @@ namespace fs = std::filesystem;
 /// A long step with its progress and a final message.
 class Step {
 public:
-    explicit Step(std::string what) : what_(std::move(what)) {}
-    void reached(std::size_t count, std::size_t all) {
-        if (!progress_ || all != all_)
-            progress_.emplace(what_, static_cast<double>(all)), done_ = 0;
-        all_ = all;
-        if (count > done_) progress_->advance(static_cast<double>(count - done_));
-        done_ = std::max(done_, count);
+    explicit Step(std::string what) : what_(std::move(what)), progress_(std::in_place, what_, 1) {}
+    /// `share` of the work is done. A smaller share than before only moves the clock.
+    void reached(double share) {
+        progress_->advance(std::max(0.0, share - done_));
+        done_ = std::max(done_, share);
     }
     void done() {
         progress_.reset();
@@ -34,44 +35,15 @@ public:
 private:
     std::string what_;
     std::optional<Progress> progress_;
-    std::size_t done_ = 0, all_ = 0;
-    double begin_ = steady_seconds();
+    double done_ = 0, begin_ = steady_seconds();
 };
 
-/// The number after `before` in a line of COLMAP.
-std::optional<std::size_t> number_after(std::string_view line, std::string_view before) {
-    const std::size_t at = line.find(before);
-    if (at == std::string_view::npos) return std::nullopt;
-    line.remove_prefix(at + before.size());
-    line = trimmed(line);
-    std::size_t number = 0;
-    return parse_number(line.substr(0, line.find_first_not_of("0123456789")), number)
-               ? std::optional(number)
-               : std::nullopt;
+using Words = std::vector<std::string>;  // a command line
+
+void add_threads(ColmapOptions& of, const std::string& group, const ReconstructOptions& options) {
+    // COLMAP chooses by itself otherwise.
+    if (options.threads > 0) of.emplace_back(group + ".num_threads", str(options.threads));
 }
-
-class Colmap {
-public:
-    Colmap(std::string program, std::string log, int threads)
-        : program_(std::move(program)), log_(std::move(log)), threads_(threads) {}
-
-    /// `threads_of`: option group of the number of threads; empty: none.
-    template <class OnLine>
-    int run(std::vector<std::string> words, const std::string& threads_of, OnLine&& on_line) const {
-        words.insert(words.begin(), program_);
-        if (threads_ > 0 && !threads_of.empty())
-            words.insert(words.end(), {"--" + threads_of + ".num_threads", str(threads_)});
-        return run_program(words, log_, on_line);
-    }
-    Error failed(const std::string& command, int code) const {
-        return Error(ExitCode::input, str("colmap ", command, " failed (exit code ", code,
-                                          "); last lines of ", log_, ":", last_lines(log_, 6)));
-    }
-
-private:
-    std::string program_, log_;
-    int threads_;
-};
 
 /// Lens model of the final cameras.
 std::string lens_of(const CameraGroup& group, const ReconstructOptions& options) {
@@ -88,7 +60,7 @@ std::string first_lens(const std::string& lens) {
     return lens.ends_with("_FISHEYE") ? "SIMPLE_RADIAL_FISHEYE" : lens;
 }
 
-void extract_features(const Colmap& colmap,
+void extract_features(Colmap& colmap,
                       const fs::path& work,
                       const fs::path& images,
                       const std::vector<CameraGroup>& groups,
@@ -106,85 +78,99 @@ void extract_features(const Colmap& colmap,
         const std::string list_file = (work / "list.txt").string();
         fs::remove(list_file);
         write_text_file(list_file, list);
-        std::vector<std::string> words = {"feature_extractor",
-                                          "--database_path",
-                                          (work / "database.db").string(),
-                                          "--image_path",
-                                          images.string(),
-                                          "--image_list_path",
-                                          list_file,
-                                          "--ImageReader.camera_model",
-                                          lens,
-                                          "--ImageReader.single_camera",
-                                          "1",
-                                          "--SiftExtraction.use_gpu",
-                                          "0",
-                                          "--SiftExtraction.max_image_size",
-                                          str(options.max_size)};
+        ColmapOptions of = {{"database_path", (work / "database.db").string()},
+                            {"image_path", images.string()},
+                            {"image_list_path", list_file},
+                            {"ImageReader.camera_model", lens},
+                            {"ImageReader.single_camera", "1"},
+                            {"FeatureExtraction.use_gpu", "0"},
+                            {"FeatureExtraction.max_image_size", str(options.feature_size)}};
+        add_threads(of, "FeatureExtraction", options);
         if (options.calibration) {
             std::string params;
             for (const double p : options.calibration->params)
                 params += fmt::format("{}{:.17g}", params.empty() ? "" : ",", p);
-            words.insert(words.end(), {"--ImageReader.camera_params", params});
+            of.emplace_back("ImageReader.camera_params", params);
         }
         std::string name;
-        const int code = colmap.run(words, "SiftExtraction", [&](std::string_view line) {
-            const std::string_view text = trimmed(line);
+        colmap.require(colmap.command("feature_extractor", of), [&](std::string_view text) {
             if (text.starts_with("Name:")) name = trimmed(text.substr(5));
             if (const auto count = number_after(text, "Features:"))
                 features[name] = static_cast<int>(*count);
-            if (text.starts_with("Processed file")) step.reached(++done, all);
+            if (text.starts_with("Processed file")) ++done;
+            step.reached(static_cast<double>(done) / static_cast<double>(all));
         });
-        if (code != 0) throw colmap.failed("feature_extractor", code);
         spdlog::info("camera {} for {} photographs of {}", wanted, group.names.size(),
                      group.description);
     }
     step.done();
 }
 
-void match(const Colmap& colmap, const fs::path& work, const std::string& matcher) {
-    Step step(matcher + " matching");
-    const std::vector<std::string> words = {matcher + "_matcher", "--database_path",
-                                            (work / "database.db").string(),
-                                            "--SiftMatching.use_gpu", "0"};
-    const int code = colmap.run(words, "SiftMatching", [&](std::string_view line) {
-        // "Matching block [2/3, 1/3]", "Matching image [5/24]"
-        const auto count = number_after(line, "Matching image ["),
-                   block = number_after(line, "Matching block [");
-        const auto all = number_after(line, "/");
-        if (all && (count || block)) step.reached(count ? *count : *block, *all);
-    });
-    if (code != 0) throw colmap.failed(words[0], code);
-    step.done();
+/// Photographs per block of exhaustive matching: several blocks, so that the progress moves, each
+/// with about eight pairs per thread.
+int block_size(std::size_t photographs) {
+    constexpr int kDefault = 50;  // COLMAP's
+    const int least = static_cast<int>(std::ceil(4 * std::sqrt(thread_count()))),
+              eighth = static_cast<int>(std::min<std::size_t>(photographs / 8, kDefault));
+    return std::max(least, eighth);
 }
 
-/// Estimates poses, points and lenses; one model for each connected set of photographs.
+/// Command lines of the matchers, in their order.
+std::vector<Words> match_commands(Colmap& colmap,
+                                  const fs::path& work,
+                                  std::size_t photographs,
+                                  const ReconstructOptions& options) {
+    ColmapOptions of = {{"database_path", (work / "database.db").string()},
+                        {"FeatureMatching.use_gpu", "0"}};
+    add_threads(of, "FeatureMatching", options);
+    if (options.matcher == "transitive")
+        return {colmap.command("sequential_matcher", of), colmap.command("transitive_matcher", of)};
+    if (options.matcher == "exhaustive")
+        of.emplace_back("ExhaustiveMatching.block_size", str(block_size(photographs)));
+    return {colmap.command(options.matcher + "_matcher", of)};
+}
+
+void match(const Colmap& colmap, const std::vector<Words>& commands) {
+    for (const Words& command : commands) {
+        const std::string& name = command.at(1);
+        Step step(name.substr(0, name.find('_')) + " matching");
+        colmap.require(command,
+                       [&](std::string_view text) { step.reached(share_of_matches(text)); });
+        step.done();
+    }
+}
+
+Words map_command(Colmap& colmap,
+                  const fs::path& work,
+                  const fs::path& images,
+                  const ReconstructOptions& options) {
+    ColmapOptions of = {{"database_path", (work / "database.db").string()},
+                        {"image_path", images.string()},
+                        {"output_path", (work / "models").string()},
+                        {"Mapper.min_model_size", "3"}};
+    add_threads(of, "Mapper", options);
+    if (options.calibration)
+        of.insert(of.end(),
+                  {{"Mapper.ba_refine_focal_length", "0"}, {"Mapper.ba_refine_extra_params", "0"}});
+    return colmap.command("mapper", of);
+}
+
+/// Estimates poses, points and lenses; one model for each connected set of photographs, or none.
 std::vector<SparseModel> map_all(const Colmap& colmap,
                                  const fs::path& work,
-                                 const fs::path& images,
-                                 std::size_t photographs,
-                                 bool lens_is_known) {
+                                 const Words& command,
+                                 std::size_t photographs) {
     Step step("poses");
     const fs::path out = work / "models";
     fs::create_directories(out);
-    std::vector<std::string> words = {
-        "mapper",       "--database_path",         (work / "database.db").string(),
-        "--image_path", images.string(),           "--output_path",
-        out.string(),   "--Mapper.min_model_size", "3"};
-    if (lens_is_known)
-        words.insert(words.end(), {"--Mapper.ba_refine_focal_length", "0",
-                                   "--Mapper.ba_refine_extra_params", "0"});
-    const int code = colmap.run(words, "Mapper", [&](std::string_view line) {
-        // "Registering image #6 (3)": the third.
-        if (line.starts_with("Registering image"))
-            if (const auto count = number_after(line, "(")) step.reached(*count, photographs);
-    });
+    const int code = colmap.run(
+        command, [&](std::string_view text) { step.reached(share_of_poses(text, photographs)); });
     std::vector<SparseModel> models;
     for (const auto& entry : fs::directory_iterator(out))
         if (count_images(entry.path().string()) > 0)
             models.push_back(read_sparse_model(entry.path().string()));
-    constexpr int kNoModel = 1;  // exit code if no pair starts a model
-    if (code > kNoModel || (code != 0 && !models.empty())) throw colmap.failed("mapper", code);
+    constexpr int kNoModel = 1;  // exit code of most versions if no pair starts a model
+    if (code > kNoModel || (code != 0 && !models.empty())) colmap.fail(command, code);
     std::ranges::sort(models, [](const SparseModel& a, const SparseModel& b) {
         return std::pair(a.images.size(), a.points.size()) >
                std::pair(b.images.size(), b.points.size());
@@ -193,10 +179,17 @@ std::vector<SparseModel> map_all(const Colmap& colmap,
     return models;
 }
 
+Words lens_command(Colmap& colmap, const fs::path& work) {
+    return colmap.command("bundle_adjuster", {{"input_path", (work / "found").string()},
+                                              {"output_path", (work / "refined").string()},
+                                              {"BundleAdjustment.refine_principal_point", "0"}});
+}
+
 /// Refines a model with the final lenses, and with the principal point of cameras with enough
 /// photographs to separate it from the poses.
 SparseModel with_lenses(const Colmap& colmap,
                         const fs::path& work,
+                        Words command,
                         SparseModel model,
                         const std::vector<CameraGroup>& groups,
                         const ReconstructOptions& options) {
@@ -214,28 +207,24 @@ SparseModel with_lenses(const Colmap& colmap,
     for (SparseCamera& camera : model.cameras) changed |= take_lens(camera, lens[camera.id]);
     if (!changed) return model;
     Step step(centres ? "lens and principal point" : "lens");
-    const fs::path found = work / "found", out = work / "refined";
-    fs::create_directories(out);
-    write_sparse_model(found.string(), model);
-    const int code =
-        colmap.run({"bundle_adjuster", "--input_path", found.string(), "--output_path",
-                    out.string(), "--BundleAdjustment.refine_principal_point", centres ? "1" : "0"},
-                   "", [](std::string_view) {});
-    if (code != 0) throw colmap.failed("bundle_adjuster", code);
+    fs::create_directories(work / "refined");
+    write_sparse_model((work / "found").string(), model);
+    command.back() = centres ? "1" : "0";
+    colmap.require(command, [](std::string_view) {});
     step.done();
-    return read_sparse_model(out.string());
+    return read_sparse_model((work / "refined").string());
 }
 
 /// Writes the poses of the model in `options.poses` for these photographs to the folder `given`.
-void take_poses(const Colmap& colmap,
+void take_poses(Colmap& colmap,
                 const fs::path& given,
                 const fs::path& images,
                 const ReconstructOptions& options) {
     fs::create_directories(given);
-    const int code = colmap.run({"model_converter", "--input_path", options.poses, "--output_path",
-                                 given.string(), "--output_type", "BIN"},
-                                "", [](std::string_view) {});
-    if (code != 0) throw colmap.failed("model_converter", code);
+    colmap.require(colmap.command("model_converter", {{"input_path", options.poses},
+                                                      {"output_path", given.string()},
+                                                      {"output_type", "BIN"}}),
+                   [](std::string_view) {});
     SparseModel model = read_sparse_model(given.string());
     for (SparseImage& image : model.images)
         if (const auto to = options.renamed.find(image.name); to != options.renamed.end())
@@ -249,26 +238,54 @@ void take_poses(const Colmap& colmap,
     // The model's points belong to other features.
     model.points.clear();
     for (SparseImage& image : model.images) image.observations.clear();
-    for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) fs::remove(given / name);
+    fs::remove_all(given);  // newer versions also write rigs and frames, of all its photographs
     write_sparse_model(given.string(), model);
 }
 
-/// Triangulates points for the poses in `given`.
+Words triangulate_command(Colmap& colmap,
+                          const fs::path& work,
+                          const fs::path& images,
+                          const ReconstructOptions& options) {
+    ColmapOptions of = {{"database_path", (work / "database.db").string()},
+                        {"image_path", images.string()},
+                        {"input_path", (work / "given").string()},
+                        {"output_path", (work / "models/0").string()},
+                        {"clear_points", "1"}};
+    add_threads(of, "Mapper", options);
+    return colmap.command("point_triangulator", of);
+}
+
+/// Triangulates points for the given poses.
 SparseModel triangulate(const Colmap& colmap,
                         const fs::path& work,
-                        const fs::path& images,
-                        const fs::path& given) {
+                        const Words& command,
+                        std::size_t photographs) {
     Step step("points for the given poses");
     const fs::path out = work / "models/0";
     fs::create_directories(out);
-    const int code =
-        colmap.run({"point_triangulator", "--database_path", (work / "database.db").string(),
-                    "--image_path", images.string(), "--input_path", given.string(),
-                    "--output_path", out.string(), "--clear_points", "1"},
-                   "Mapper", [](std::string_view) {});
-    if (code != 0) throw colmap.failed("point_triangulator", code);
+    colmap.require(command,
+                   [&](std::string_view text) { step.reached(share_of_poses(text, photographs)); });
     step.done();
     return read_sparse_model(out.string());
+}
+
+/// The error for photographs that COLMAP cannot connect, with advice.
+Error no_model(const Reconstruction& found,
+               std::size_t photographs,
+               const ReconstructOptions& options) {
+    std::size_t features = 0;
+    for (const auto& [name, count] : found.features) features += static_cast<std::size_t>(count);
+    std::string tries;
+    if (options.matcher != "exhaustive") tries = ", or try --matcher exhaustive";
+    if (options.longest_side > options.feature_size)
+        tries += str(tries.empty() ? ", or try" : " and", " --feature-size ", options.longest_side);
+    return input_error(
+        "COLMAP ", found.colmap, " found no camera positions for the ", photographs, " photographs",
+        features > 0 ? str(" (", grouped(features / photographs), " features each)") : "",
+        ": no three share enough of the scene from different places; take sharp photographs of "
+        "something with texture, each sharing two thirds with the next, and step sideways between "
+        "them",
+        tries);
 }
 
 }  // namespace
@@ -287,26 +304,36 @@ Reconstruction reconstruct(const std::string& program,
                            const std::string& log,
                            const std::vector<CameraGroup>& groups,
                            const ReconstructOptions& options) {
-    const Colmap colmap(program, log, options.threads);
+    Colmap colmap(program, work, log);
+    spdlog::info("COLMAP {}, on the CPU", colmap.version());
+    if (options.longest_side > options.feature_size)
+        spdlog::info(
+            "Features are searched at {} of {} pixels (longest side), which is faster; "
+            "--feature-size changes it",
+            grouped(options.feature_size), grouped(options.longest_side));
+    const bool with_poses = !options.poses.empty(),
+               with_lens = !with_poses && !options.calibration.has_value();
     Reconstruction found;
+    found.colmap = colmap.version();
     std::size_t photographs = 0;
     for (const CameraGroup& group : groups) photographs += group.names.size();
-    const fs::path given = work / "given";
-    // Checks them before features and matches, which take hours.
-    if (!options.poses.empty()) take_poses(colmap, given, images, options);
+    // Checks the poses, and the options of all commands, before features and matches, which take
+    // hours.
+    if (with_poses) take_poses(colmap, work / "given", images, options);
+    const std::vector<Words> matching = match_commands(colmap, work, photographs, options);
+    const Words mapping = with_poses ? triangulate_command(colmap, work, images, options)
+                                     : map_command(colmap, work, images, options),
+                lens = with_lens ? lens_command(colmap, work) : Words();
     extract_features(colmap, work, images, groups, options, found.features);
-    match(colmap, work, options.matcher);
-    if (!options.poses.empty())
-        found.models.push_back(triangulate(colmap, work, images, given));
+    match(colmap, matching);
+    if (with_poses)
+        found.models.push_back(triangulate(colmap, work, mapping, photographs));
     else
-        found.models = map_all(colmap, work, images, photographs, options.calibration.has_value());
-    if (options.poses.empty() && !options.calibration && !found.models.empty())
-        found.models[0] = with_lenses(colmap, work, std::move(found.models[0]), groups, options);
-    if (found.models.empty())
-        throw input_error("COLMAP found no camera positions for the ", photographs,
-                          " photographs: no three share enough of the scene from different places; "
-                          "take sharp photographs of something with texture, each sharing two "
-                          "thirds with the next, and step sideways between them");
+        found.models = map_all(colmap, work, mapping, photographs);
+    if (found.models.empty()) throw no_model(found, photographs, options);
+    if (with_lens)
+        found.models[0] =
+            with_lenses(colmap, work, lens, std::move(found.models[0]), groups, options);
     return found;
 }
 

@@ -1,4 +1,4 @@
-// Runs COLMAP: features, matches, poses and points, with Debian's colmap 3.8 on the CPU.
+// Makes a model with COLMAP on the CPU: features, matches, poses and points.
 #pragma once
 
 #include <filesystem>
@@ -14,24 +14,30 @@
 namespace tvsgs::prepare {
 
 struct ReconstructOptions {
-    std::string lens = "auto";                   // a camera model of COLMAP
-    std::string matcher;                         // exhaustive or sequential
+    std::string lens = "auto";  // a camera model of COLMAP
+    // exhaustive: all pairs; sequential: neighbours by name; transitive: then also pairs that match
+    // the same photograph.
+    std::string matcher;
     std::string poses;                           // folder of a model with known poses; may be empty
     std::map<std::string, std::string> renamed;  // other names of photographs in `poses`
     std::optional<Calibration> calibration;
-    int max_size = 3200, threads = 0;  // threads 0: as COLMAP chooses
+    int feature_size = 2000;  // longest side for the feature search, pixels
+    int longest_side = 0;     // of the photographs, pixels
+    int threads = 0;          // 0: as COLMAP chooses
 };
 
 struct Reconstruction {
     std::vector<SparseModel> models;  // connected sets of photographs, largest first; at least one
     std::map<std::string, int> features;  // by photograph
+    std::string colmap;                   // its version
 };
 
 /// Path of the COLMAP program. Throws Error(ExitCode::usage) that names the package.
 std::string find_colmap();
 
 /// Works in `work` on the photographs in `images`, and appends COLMAP's output to `log`. Throws
-/// Error(ExitCode::input) if no two photographs are connected, and if COLMAP fails.
+/// Error(ExitCode::input) if no two photographs are connected, and if COLMAP fails, and
+/// Error(ExitCode::usage) if it lacks an option.
 Reconstruction reconstruct(const std::string& colmap,
                            const std::filesystem::path& work,
                            const std::filesystem::path& images,

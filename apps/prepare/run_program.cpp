@@ -32,7 +32,7 @@ int run_program(const std::vector<std::string>& command,
     std::string shown = "\n$";
     for (const std::string& word : command) shown += " " + word;
     file.add(shown);
-    ChildProcess child({command, {"QT_QPA_PLATFORM=offscreen"}});
+    ChildProcess child({command, {"QT_QPA_PLATFORM=offscreen", "TERM=dumb"}});  // no colours
     for (;;) {
         SignalGuard::check();
         pollfd wanted{child.output(), POLLIN, 0};
@@ -42,6 +42,7 @@ int run_program(const std::vector<std::string>& command,
             file.add(line);
             on_line(line);
         });
+        on_line({});
         if (!code) continue;
         SignalGuard::check();  // the program may have received the same signal
         return *code;

@@ -79,12 +79,14 @@ Arguments parse(int argc, char** argv) {
         ->check(CLI::Range(2, 100000))
         ->group(group);
     app.add_option("--matcher", a.matcher,
-                   "exhaustive: match all pairs; sequential: match neighbours by name; auto: "
-                   "sequential for a video and above 200 photographs [auto]")
-        ->check(CLI::IsMember({"auto", "exhaustive", "sequential"}))
+                   "exhaustive: match all pairs; sequential: neighbours by name; transitive: "
+                   "neighbours, then pairs that match the same photograph; auto: sequential for a "
+                   "video, transitive above 200 photographs [auto]")
+        ->check(CLI::IsMember({"auto", "exhaustive", "sequential", "transitive"}))
         ->group(group);
-    app.add_option("--max-size", a.reconstruct.max_size,
-                   "longest side of the photographs for the feature search, pixels [3200]")
+    app.add_option("--feature-size", a.reconstruct.feature_size,
+                   "longest side of the photographs for the feature search, pixels; larger is "
+                   "slower and may connect more [2000]")
         ->check(CLI::Range(100, 65535))
         ->group(group);
     app.add_option("--min-share", a.min_share,
@@ -283,15 +285,19 @@ int command(int argc, char** argv) {
                                      : a.cameras == "each"       ? Sharing::each
                                                                  : Sharing::automatic);
     constexpr std::size_t kExhaustive = 200;  // half an hour on 16 cores; grows with the square
-    a.reconstruct.matcher = a.matcher != "auto"                         ? a.matcher
-                            : video || photographs.size() > kExhaustive ? "sequential"
-                                                                        : "exhaustive";
+    a.reconstruct.matcher = a.matcher != "auto"                ? a.matcher
+                            : video                            ? "sequential"
+                            : photographs.size() > kExhaustive ? "transitive"
+                                                               : "exhaustive";
 
-    for (const Photograph& photo : photographs)
+    for (const Photograph& photo : photographs) {
+        a.reconstruct.longest_side =
+            std::max({a.reconstruct.longest_side, photo.width, photo.height});
         if (photo.convert)
             a.reconstruct
                 .renamed[fs::path(photo.file).lexically_relative(photos).generic_string()] =
                 photo.name;
+    }
 
     // 2. Estimate the cameras.
     if (!in_place)
@@ -317,6 +323,8 @@ int command(int argc, char** argv) {
     // 3. Write the complete scene, then give it its name.
     SparseModel& model = found.models[0];
     JsonValue report = json_of(check);
+    report.set("colmap", found.colmap);
+    report.set("feature_size", a.reconstruct.feature_size);
     if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));
     for (const std::string& name : names)
         if (!in_place && !std::ranges::binary_search(model.images, name, {}, &SparseImage::name))

@@ -11,7 +11,9 @@
 
 #include "apps/prepare/sparse_model.h"
 #include "core/math/quaternion.h"
+#include "io/files/json_value.h"
 #include "io/io_test.h"
+#include "support/command.h"
 
 namespace tvsgs::prepare {
 
@@ -32,6 +34,9 @@ inline Vec2<double> project(const Intrinsics& in, const Rigid3d& pose, Vec3d poi
     const Vec2<double> uv = distort(in.distortion, {p.x / p.z, p.y / p.z});
     return {uv.x * in.fx_px + in.cx_px, uv.y * in.fy_px + in.cy_px};
 }
+
+inline const std::vector<std::string> kNames = {"IMG_1.JPG", "IMG_2.JPG", "IMG_3.JPG", "b/1.png",
+                                                "b/2.png"};
 
 /// Cameras 10 degrees apart on a circle of radius 5 around 20 points near the origin, which all of
 /// them see; observations are shifted by `miss_px` along x.
@@ -63,9 +68,9 @@ inline SparseModel made_model(const std::vector<std::string>& names, double miss
     return model;
 }
 
-/// Runs tvsgs-prepare with a `colmap` that logs its arguments and returns models that the test has
-/// stored.
-class PrepareTest : public IoTest {
+/// Runs tvsgs-prepare with a `colmap` that logs its arguments, knows the options of the version in
+/// the file version (3.8), and returns models that the test has stored.
+class Prepare : public IoTest {
 protected:
     void SetUp() override {
         IoTest::SetUp();
@@ -73,6 +78,15 @@ protected:
         fs::permissions(folder / "bin/colmap", fs::perms::owner_all);
     }
 
+    /// `before`: words before the command.
+    Result run(const std::string& arguments, const std::string& before = "") const {
+        return run_script(folder, "PATH=$PWD/bin:/usr/bin:/bin " + before +
+                                      " " TVSGS_BIN_DIR "/tvsgs-prepare " + arguments +
+                                      " >out.txt 2>err.txt");
+    }
+    JsonValue report() const {
+        return parse_json_value(text("scene/prepare.json"), "prepare.json");
+    }
     /// Photographs of 64x48 pixels.
     void photo(const std::string& name) const {
         const ImageU8 image(64, 48, 3, 90);

@@ -7,20 +7,12 @@
 
 #include "apps/prepare/opencv.h"
 #include "apps/prepare/photographs.h"
-#include "io/files/json_value.h"
 #include "prepare/prepare_test.h"
-#include "support/command.h"
 
 namespace tvsgs::prepare {
 namespace {
 
-class OpenCv : public PrepareTest {
-protected:
-    Result run(const std::string& arguments) const {
-        return run_script(folder, "PATH=$PWD/bin:/usr/bin:/bin " TVSGS_BIN_DIR "/tvsgs-prepare " +
-                                      arguments + " >out.txt 2>err.txt");
-    }
-};
+class OpenCv : public Prepare {};
 
 TEST_F(OpenCv, TiffBecomesPngOfItsBits) {
     fs::create_directories(folder / "photos");

@@ -1,0 +1,114 @@
+#include "apps/prepare/colmap.h"
+
+#include <cctype>
+#include <iterator>
+#include <sstream>
+
+#include "apps/prepare/run_program.h"
+#include "io/files/read_file.h"
+#include "pipeline/run/child_process.h"
+
+namespace tvsgs::prepare {
+namespace {
+
+bool is_digit(char c) {
+    return std::isdigit(static_cast<unsigned char>(c)) != 0;
+}
+
+}  // namespace
+
+Colmap::Colmap(std::string program, const std::filesystem::path& work, std::string log)
+    : program_(std::move(program)), log_(std::move(log)), help_log_((work / "help.log").string()) {
+    // "COLMAP 3.8 -- Structure-from-Motion and Multi-View Stereo"
+    const std::vector<std::string> words = ask({"help"});
+    for (std::size_t i = 1; i < words.size() && version_ == "?"; ++i)
+        if (words[i - 1] == "COLMAP" && is_digit(words[i][0])) version_ = words[i];
+    LineLog(log_).add("COLMAP " + version_ + ", " + program_);
+}
+
+std::vector<std::string> Colmap::ask(const std::vector<std::string>& words) const {
+    std::vector<std::string> command = {program_}, answer;
+    command.insert(command.end(), words.begin(), words.end());
+    run_program(command, help_log_, [&](std::string_view line) {
+        std::istringstream in{std::string(line)};
+        answer.insert(answer.end(), std::istream_iterator<std::string>(in), {});
+    });
+    return answer;
+}
+
+std::string Colmap::name_of(const std::string& command, const std::string& option) {
+    if (!listed_.contains(command))
+        for (const std::string& word : ask({command, "-h"}))
+            if (word.starts_with("--")) listed_[command].insert(word.substr(2));
+    const std::set<std::string>& listed = listed_[command];
+    if (listed.contains(option)) return option;
+    // Up to 3.12: SiftExtraction and SiftMatching. 3.13 has moved some of their options, 4 all.
+    const std::string newer = "Feature",
+                      older = option.starts_with(newer) ? "Sift" + option.substr(newer.size()) : "";
+    if (listed.contains(older)) return older;
+    throw Error(ExitCode::usage,
+                str(program_, ": COLMAP ", version_, " does not list the option --", option,
+                    older.empty() ? "" : " or --" + older, " in 'colmap ", command,
+                    " -h'; put a COLMAP between 3.8 and 4.1 first on the PATH"));
+}
+
+std::vector<std::string> Colmap::command(const std::string& name, const ColmapOptions& options) {
+    std::vector<std::string> words = {program_, name};
+    for (const auto& [option, value] : options)
+        words.insert(words.end(), {"--" + name_of(name, option), value});
+    return words;
+}
+
+int Colmap::run(const std::vector<std::string>& command,
+                const std::function<void(std::string_view)>& on_line) const {
+    return run_program(command, log_, [&](std::string_view line) { on_line(message_of(line)); });
+}
+
+void Colmap::require(const std::vector<std::string>& command,
+                     const std::function<void(std::string_view)>& on_line) const {
+    if (const int code = run(command, on_line); code != 0) fail(command, code);
+}
+
+void Colmap::fail(const std::vector<std::string>& command, int code) const {
+    throw input_error("colmap ", command.at(1), " failed (exit code ", code, "); last lines of ",
+                      log_, ":", last_lines(log_, 6));
+}
+
+std::string_view message_of(std::string_view line) {
+    const std::size_t end = line.find("] ");
+    const bool prefixed = end != std::string_view::npos && line.size() > 1 &&
+                          std::string_view("IWEF").find(line[0]) != std::string_view::npos &&
+                          is_digit(line[1]);
+    return trimmed(prefixed ? line.substr(end + 2) : line);
+}
+
+std::optional<std::size_t> number_after(std::string_view text, std::string_view before) {
+    const std::size_t at = text.find(before);
+    if (at == std::string_view::npos) return std::nullopt;
+    text = trimmed(text.substr(at + before.size()));
+    std::size_t number = 0;
+    return parse_number(text.substr(0, text.find_first_not_of("0123456789")), number)
+               ? std::optional(number)
+               : std::nullopt;
+}
+
+double share_of_matches(std::string_view text) {
+    const auto part = number_after(text, "["), parts = number_after(text, "/");
+    if (!text.starts_with("Matching") && !text.starts_with("Processing")) return 0;
+    if (!part || !parts || *part == 0 || *parts == 0) return 0;
+    const auto column = number_after(text, ", ");
+    const std::size_t number = column ? (*part - 1) * *parts + *column : *part,
+                      all = column ? *parts * *parts : *parts;
+    const bool done = text.find(" in ") != std::string_view::npos;
+    return (static_cast<double>(number) - (done ? 0 : 1)) / static_cast<double>(all);
+}
+
+double share_of_poses(std::string_view text, std::size_t photographs) {
+    if (!text.starts_with("Registering image") && !text.starts_with("Triangulating image"))
+        return 0;
+    const auto frames = number_after(text, "num_reg_frames="), count = number_after(text, "(");
+    return static_cast<double>(frames ? *frames : count.value_or(0)) /
+           static_cast<double>(photographs);
+}
+
+}  // namespace tvsgs::prepare
