@@ -31,7 +31,7 @@ public:
     std::vector<std::string> command(const std::string& name, const ColmapOptions& options);
 
     /// Runs a command line. Passes each line to `on_line`, without glog's prefix, and an empty line
-    /// five times per second. Returns the exit code.
+    /// every 200 ms or more often. Returns the exit code.
     int run(const std::vector<std::string>& command,
             const std::function<void(std::string_view)>& on_line) const;
 

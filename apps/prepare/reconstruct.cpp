@@ -107,10 +107,10 @@ void extract_features(Colmap& colmap,
 }
 
 /// Photographs per block of exhaustive matching: several blocks, so that the progress moves, each
-/// with about eight pairs per thread.
+/// with four pairs per thread or more.
 int block_size(std::size_t photographs) {
     constexpr int kDefault = 50;  // COLMAP's
-    const int least = static_cast<int>(std::ceil(4 * std::sqrt(thread_count()))),
+    const int least = static_cast<int>(std::ceil(3 * std::sqrt(thread_count()))),
               eighth = static_cast<int>(std::min<std::size_t>(photographs / 8, kDefault));
     return std::max(least, eighth);
 }

@@ -36,7 +36,8 @@ int run_program(const std::vector<std::string>& command,
     for (;;) {
         SignalGuard::check();
         pollfd wanted{child.output(), POLLIN, 0};
-        poll(&wanted, 1, 200);  // ms: a signal may arrive between check and poll
+        // ms: a signal may arrive between check and poll; without output the program is ending.
+        poll(&wanted, 1, child.output() < 0 ? 5 : 200);
         const std::optional<int> code = child.exit_code();
         child.read_lines([&](std::string_view line) {
             file.add(line);

@@ -12,9 +12,9 @@ namespace tvsgs::prepare {
 std::string find_program(const std::string& name);
 
 /// Runs `command` without display and input. Appends its output to the file `log` and passes each
-/// line to `on_line`, and an empty line five times per second. Returns its exit code, or 128 + the
-/// signal that ended it. Throws Stopped if a SignalGuard has noted a signal, after the program has
-/// ended. Throws Error(ExitCode::io) if the log cannot be written or no process can be made.
+/// line to `on_line`, and an empty line every 200 ms or more often. Returns its exit code, or 128 +
+/// the signal that ended it. Throws Stopped if a SignalGuard has noted a signal, after the program
+/// has ended. Throws Error(ExitCode::io) if the log cannot be written or no process can be made.
 int run_program(const std::vector<std::string>& command,
                 const std::string& log,
                 const std::function<void(std::string_view)>& on_line);

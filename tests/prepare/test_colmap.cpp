@@ -132,7 +132,7 @@ TEST_F(Prepare, TheProgressMovesOnATerminal) {
         run_script(folder, "PATH=$PWD/bin:/usr/bin:/bin script -qec '" TVSGS_BIN_DIR
                            "/tvsgs-prepare photos scene' /dev/null >err.txt 2>&1 </dev/null");
     ASSERT_EQ(r.code, 0) << r;
-    EXPECT_TRUE(r.says("exhaustive matching 0:01 [##########..........] 50 %")) << r;
+    EXPECT_TRUE(r.says("exhaustive matching 0:") && r.says("[##########..........] 50 %")) << r;
 }
 
 TEST(ColmapLog, SharesOfEveryGeneration) {
