@@ -175,6 +175,21 @@ TEST_F(Cli, MeshAndScores) {
     EXPECT_EQ(call("eval", "nvs -m run --device cpu --require 'psnr>=99'").code, 8);
 }
 
+TEST_F(Cli, ARunThatStillTrainsHasNoSplatsYet) {
+    fs::create_directories(folder_ / "young");
+    fs::copy(folder_ / "run/config.json", folder_ / "young/config.json");
+    const Result r = call("extract-mesh", "-m young --device cpu");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("young: no splats yet; wait for the end of the training")) << r;
+}
+
+TEST_F(Cli, ALimitBelowTheStartPointsIsSaid) {
+    const auto lines = messages("--progress plain --max-gaussians 10");
+    EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), [](const std::string& line) {
+        return line.find("are more than 10 splats (--max-gaussians)") != std::string::npos;
+    }));
+}
+
 TEST_F(Cli, VoxelsThatNoPixelFills) {
     const Result r = call("extract-mesh", "-m run --voxel-size 1e-6 --device cpu -o no/mesh.ply");
     EXPECT_EQ(r.code, 2) << r;

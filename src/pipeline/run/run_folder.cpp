@@ -303,6 +303,12 @@ std::string find_splats(const std::string& path) {
     std::error_code code;
     if (fs::is_regular_file(path, code)) return path;
     const int best = newest_splats(path);
+    if (best < 0 && fs::is_regular_file(path + "/config.json", code))
+        throw Error(ExitCode::input,
+                    str(path,
+                        ": no splats yet; wait for the end of the training, or continue a stopped "
+                        "one with tvsgs-train --resume ",
+                        path));
     if (best < 0)
         throw Error(ExitCode::input, str(path,
                                          ": no splats; expected a splat PLY, or a run folder with "

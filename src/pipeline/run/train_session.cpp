@@ -51,6 +51,7 @@ private:
     void log_end(double seconds);
     void save_refined_cameras() const;
     void write_results(const Gaussians<Device>& trained, double seconds);
+    void warn_of_limit() const;
     void log_scored_pixels() const;
     void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
 
@@ -96,6 +97,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState star
 
 template <class Device>
 void TrainSession<Device>::run() {
+    warn_of_limit();
     log_scored_pixels();
     TrainCallbacks told = callbacks();
     Gaussians<Device> trained;
@@ -147,6 +149,17 @@ void TrainSession<Device>::finish(const Gaussians<Device>& trained, double secon
                                       ": the run is complete, but --resume cannot extend it: the "
                                       "last checkpoint was not saved: ",
                                       checkpoints_.failure()));
+}
+
+template <class Device>
+void TrainSession<Device>::warn_of_limit() const {
+    const std::size_t first = in_.scene.points.positions.size();
+    const int most = training_.densify.max_gaussians;
+    if (done_ == 0 && first > static_cast<std::size_t>(most))
+        spdlog::warn(
+            "{} start points are more than {} splats (--max-gaussians), which limits only growth; "
+            "--set init.max_points={} thins a start cloud by stereo or --init-ply",
+            grouped(first), grouped(most), most);
 }
 
 template <class Device>
