@@ -4,6 +4,7 @@
 #include "pipeline/priors/view_maps.h"
 #include "pipeline/scene/exposures.h"
 #include "pipeline/scene/initial_points.h"
+#include "pipeline/scene/photo_check.h"
 #include "pipeline/scene/sky.h"
 #include "plan/background.h"
 #include "plan/decide.h"
@@ -115,6 +116,7 @@ void Preparation::read_views(bool resumed) {
     hold_out_view(chosen, resumed);
 
     scene_ = load_scene(chosen, o);
+    if (!resumed) check_photographs(scene_.train);
     read_exposures(photometric_, scene_.train);
     read_fixed_points(options_, scene_);
     if (planned_) apply(decide_masks(look_at_masks(scene_.train, scene_.points.positions)));
