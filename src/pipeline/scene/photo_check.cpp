@@ -16,27 +16,28 @@ constexpr int kBlankLevels = 2;  // range of the levels of a blank photograph
 
 constexpr int kRows = 64;  // rows of a photograph that are read
 
-/// The pixels of evenly spaced rows.
-std::vector<std::uint8_t> sample_of(const ImageU8& photo) {
+/// The bytes of evenly spaced rows.
+std::string sample_of(const ImageU8& photo) {
     const std::size_t row = static_cast<std::size_t>(photo.width) * photo.channels;
-    std::vector<std::uint8_t> sample;
+    std::string sample;
     for (int y = 0; y < photo.height; y += 1 + photo.height / kRows) {
         const std::uint8_t* const from = std::as_const(photo.pixels).data() + y * row;
-        sample.insert(sample.end(), from, from + row);
+        sample.append(reinterpret_cast<const char*>(from), row);
     }
     return sample;
 }
 
-bool is_blank(const std::vector<std::uint8_t>& sample) {
-    const auto [low, high] = std::minmax_element(sample.begin(), sample.end());
-    return *high - *low <= kBlankLevels;
+bool is_blank(const std::string& sample) {
+    const auto level = [](char byte) { return static_cast<unsigned char>(byte); };
+    const auto [low, high] = std::ranges::minmax_element(sample, {}, level);
+    return level(*high) - level(*low) <= kBlankLevels;
 }
 
 }  // namespace
 
 void check_photographs(const std::vector<View>& train) {
     std::vector<std::string> blank, repeated;
-    std::map<std::vector<std::uint8_t>, std::string> first;  // the first photograph with a sample
+    std::map<std::string, std::string> first;  // the first photograph with a sample
     for (const View& view : train) {
         const ImageU8& photo = view.photo;
         if (photo.empty()) return;  // read without pixels
@@ -45,7 +46,7 @@ void check_photographs(const std::vector<View>& train) {
                         str(view.name, ": ", photo.width, "x", photo.height,
                             " pixels; expected at least ", kLeastSide,
                             " on each side; give larger photographs, or a larger size with -r"));
-        std::vector<std::uint8_t> sample = sample_of(photo);
+        std::string sample = sample_of(photo);
         if (is_blank(sample)) {
             blank.push_back(view.name);
         } else if (const auto [at, is_new] = first.emplace(std::move(sample), view.name); !is_new) {
