@@ -5,42 +5,12 @@
 #include <map>
 #include <optional>
 
+#include "apps/prepare/rays.h"
 #include "core/log.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs::prepare {
 namespace {
-
-struct Ray {
-    Vec3d origin, direction;  // world, unit length
-};
-
-Ray ray_of(const MarkerView& view, Vec2<double> pixel) {
-    const Intrinsics& in = view.camera;
-    const Vec2<double> uv = undistort(
-        in.distortion, {(pixel.x - in.cx_px) / in.fx_px, (pixel.y - in.cy_px) / in.fy_px});
-    const Rigid3d world_from_camera = inverse(view.camera_from_world);
-    return {world_from_camera.t, normalize(world_from_camera.R * Vec3d{uv.x, uv.y, 1})};
-}
-
-/// The point with the least sum of squared distances to the rays.
-std::optional<Vec3d> meeting_point(const std::vector<Ray>& rays) {
-    constexpr double kLeastSine = 0.0349;  // 2 degrees
-    double widest = 0;
-    for (const Ray& a : rays)
-        for (const Ray& b : rays) widest = std::max(widest, norm(cross(a.direction, b.direction)));
-    if (!(widest >= kLeastSine)) return std::nullopt;
-    Vec3d columns[3]{}, wanted{};  // sum of I - d d^T, and of the same times the origins
-    for (const Ray& ray : rays) {
-        const Vec3d d = ray.direction;
-        for (int c = 0; c < 3; ++c) columns[c] += -d[c] * d, columns[c][c] += 1;
-        wanted += ray.origin - dot(d, ray.origin) * d;
-    }
-    const double det = dot(columns[0], cross(columns[1], columns[2]));
-    return Vec3d{dot(wanted, cross(columns[1], columns[2])) / det,
-                 dot(columns[0], cross(wanted, columns[2])) / det,
-                 dot(columns[0], cross(columns[1], wanted)) / det};
-}
 
 struct Square {
     Vec3d corners[4];  // clockwise from the upper left, seen from the printed side
@@ -72,7 +42,8 @@ MetricFrame metric_frame(const std::vector<MarkerView>& views, double size, bool
     for (const MarkerView& view : views)
         for (const Marker& marker : view.markers)
             for (int i = 0; i < 4; ++i)
-                seen[marker.id][i].push_back(ray_of(view, marker.corners[i]));
+                seen[marker.id][i].push_back(
+                    ray_of(view.camera, view.camera_from_world, marker.corners[i]));
     std::map<int, Square> squares;
     for (const auto& [id, rays] : seen)
         if (const std::optional<Square> square = square_of(rays)) squares.emplace(id, *square);

@@ -9,7 +9,6 @@
 #include "apps/prepare/opencv.h"
 #include "core/log.h"
 #include "io/files/read_file.h"
-#include "io/images/exif.h"
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"
 #include "pipeline/run/signals.h"
@@ -36,11 +35,11 @@ bool needs_converting(const std::string& extension) {
 
 constexpr std::size_t kExifBytes = 1 << 17;  // its segments come first
 
-std::string camera_of(const std::string& file) {
-    const Exif exif = read_exif(std::string_view(read_bytes(file)).substr(0, kExifBytes));
-    return exif.camera.empty() && exif.focal_mm == 0
-               ? ""
-               : str(exif.camera, " at ", exif.focal_mm, " mm");
+void read_camera_data(Photograph& photo) {
+    const Exif exif = read_exif(std::string_view(read_bytes(photo.file)).substr(0, kExifBytes));
+    if (!exif.camera.empty() || exif.focal_mm != 0)
+        photo.camera = str(exif.camera, " at ", exif.focal_mm, " mm");
+    photo.place = exif.place;
 }
 
 }  // namespace
@@ -93,7 +92,7 @@ std::vector<Photograph> find_photographs(const std::string& folder) {
         } else {
             const ImageSize size = read_image_size(photo.file);
             photo.width = size.width, photo.height = size.height;
-            photo.camera = camera_of(photo.file);
+            read_camera_data(photo);
         }
     }
     return photographs;

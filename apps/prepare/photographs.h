@@ -1,8 +1,11 @@
 // Finds the photographs of a new scene and copies them into it.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "io/images/exif.h"
 
 namespace tvsgs::prepare {
 
@@ -10,8 +13,9 @@ struct Photograph {
     std::string file;  // present location
     std::string name;  // in the scene: path below the folder, possibly with another extension
     int width = 0, height = 0;
-    std::string camera;    // maker, model and focal length, if the file has them
-    bool convert = false;  // to PNG
+    std::string camera;                  // maker, model and focal length, if the file has them
+    std::optional<GeodeticPlace> place;  // of the camera, if the file has it
+    bool convert = false;                // to PNG
 };
 
 /// Photographs with the same focal length and lens.

@@ -5,17 +5,22 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 
 #include "apps/common/command_line.h"
 #include "apps/prepare/check.h"
+#include "apps/prepare/control_points.h"
 #include "apps/prepare/metric.h"
 #include "apps/prepare/opencv.h"
 #include "apps/prepare/photographs.h"
+#include "apps/prepare/placement.h"
 #include "apps/prepare/reconstruct.h"
 #include "core/device/threads.h"
 #include "core/log.h"
+#include "core/scene/local_origin.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
+#include "io/scene/georeference.h"
 #include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {
@@ -25,11 +30,11 @@ namespace fs = std::filesystem;
 
 struct Arguments {
     std::string photos, scene, cameras = "auto", matcher = "auto", calibration,
-                               dictionary = "DICT_4X4_50", markers_on = "floor";
+                               dictionary = "DICT_4X4_50", markers_on = "floor", gcp, checkpoints;
     ReconstructOptions reconstruct;
     double marker_size = 0;
     int min_share = 50, frames = 150;
-    bool anew = false, quiet = false;
+    bool gps = false, anew = false, quiet = false;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -74,6 +79,15 @@ Arguments parse(int argc, char** argv) {
                    "floor: markers lie flat; wall: markers hang upright [floor]")
         ->check(CLI::IsMember({"floor", "wall"}))
         ->group(group);
+    app.add_option("--gcp", a.gcp,
+                   "list of control points, gcp_list.txt of OpenDroneMap (projection; lines x y z "
+                   "px py image [name]): puts the scene into metres at its true place")
+        ->group(group);
+    app.add_option("--checkpoints", a.checkpoints,
+                   "names of control points, with commas: only measured, not fitted")
+        ->group(group);
+    app.add_flag("--gps", a.gps, "put the scene into metres by the places of the cameras in EXIF")
+        ->group(group);
     group = "Work";
     app.add_option("--frames", a.frames, "most frames to take from a video [150]")
         ->check(CLI::Range(2, 100000))
@@ -113,6 +127,10 @@ Arguments parse(int argc, char** argv) {
     refuse(app.count("--marker-size") == 0 &&
                app.count("--markers-on") + app.count("--marker-dictionary") > 0,
            "--markers-on and --marker-dictionary need --marker-size");
+    refuse((a.marker_size > 0) + !a.gcp.empty() + a.gps > 1,
+           "--marker-size, --gcp and --gps exclude each other: each sets the frame");
+    refuse(a.gcp.empty() && !a.checkpoints.empty(), "--checkpoints needs --gcp");
+    refuse(video && (a.gps || !a.gcp.empty()), "--gcp and --gps need photographs, not a video");
     return a;
 }
 
@@ -188,7 +206,7 @@ void check_places(const Arguments& a, const fs::path& scene) {
                           ": expected a folder or a video (.mp4, .mov, .avi, .mkv, .webm)");
     std::error_code error;
     if (is_in_place(a, scene)) {
-        for (const char* ours : {"sparse", "prepare.json", "prepare.log"})
+        for (const char* ours : {"sparse", "prepare.json", "prepare.log", "georeference.json"})
             if (fs::exists(scene / ours))
                 throw Error(ExitCode::usage,
                             str((scene / ours).string(), " already exists; choose another scene"));
@@ -255,6 +273,18 @@ JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& m
         .add("upright", frame.upright);
 }
 
+/// Moves the model to its true place, and writes its projection into the folder `made`. Returns the
+/// result for prepare.json.
+JsonValue put_in_place(const GeoFrame& frame, const fs::path& made, SparseModel& model) {
+    move(model, frame.to_world);
+    std::vector<Vec3d> centres;
+    for (const SparseImage& image : model.images)
+        centres.push_back(inverse(image.camera_from_world()).t);
+    write_georeference(made.string(), {frame.projection, local_origin(centres)});
+    spdlog::info("The scene is in metres: {}", frame.projection);
+    return frame.report;
+}
+
 int command(int argc, char** argv) {
     // 1. Find the photographs.
     Arguments a = parse(argc, argv);
@@ -276,6 +306,9 @@ int command(int argc, char** argv) {
         spdlog::info("{}: took {} frames", a.photos, extract_frames(a.photos, photos, a.frames));
     }
     const std::vector<Photograph> photographs = find_photographs(photos);
+    std::optional<ControlPoints> control;
+    if (!a.gcp.empty()) control = read_control_points(a.gcp, photographs, a.checkpoints);
+    if (a.gps) require_places(photographs, photos);
     if (!a.calibration.empty()) {
         a.reconstruct.calibration = calibration_of(a.calibration, photographs.front());
         a.cameras = "one";
@@ -326,6 +359,11 @@ int command(int argc, char** argv) {
     report.set("colmap", found.colmap);
     report.set("feature_size", a.reconstruct.feature_size);
     if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));
+    if (control || a.gps) {
+        const GeoFrame frame =
+            control ? place_by_control_points(model, *control) : place_by_exif(model, photographs);
+        report.set("georeference", put_in_place(frame, made, model));
+    }
     for (const std::string& name : names)
         if (!in_place && !std::ranges::binary_search(model.images, name, {}, &SparseImage::name))
             fs::remove(images / name);

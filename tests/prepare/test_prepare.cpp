@@ -4,7 +4,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "core/log.h"
 #include "io/images/webp.h"
+#include "io/scene/georeference.h"
 #include "io/scene/scene_reader.h"
 #include "prepare/prepare_test.h"
 
@@ -328,6 +330,70 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     const SparseModel renamed = read_sparse_model((folder / "given").string());
     ASSERT_EQ(renamed.images.size(), kNames.size());
     EXPECT_EQ(renamed.images[0].name, "IMG_1.png");
+}
+
+/// A list with five control points that the photographs of made_model() show exactly. A unit of the
+/// model is two metres.
+std::string control_list(const SparseModel& model, Vec3d away) {
+    const Intrinsics in = intrinsics_of(model.cameras[0]);
+    std::string text = "WGS84 UTM 32N\n";
+    for (int i = 0; i < 5; ++i) {
+        const Vec3d at{std::cos(2.0 * i), std::sin(2.0 * i), 0.2 * i}, place = 2 * at + away;
+        for (const SparseImage& image : model.images) {
+            const Vec2<double> px = project(in, image.camera_from_world(), at);
+            text += fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {} p{}\n", place.x, place.y,
+                                place.z, px.x, px.y, image.name, i);
+        }
+    }
+    return text;
+}
+
+TEST_F(Prepare, ControlPointsPutTheSceneInPlace) {
+    photos(kNames);
+    const SparseModel model = made_model(kNames);
+    store(0, model);
+    const Vec3d away{691200, 5337600, 512};
+    write("gcp_list.txt", control_list(model, away));
+    const Result r = run("photos scene --gcp gcp_list.txt --checkpoints p3");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("p3: east 0.000, north 0.000, up 0.000 m; 5 marks, 0.0 px (checkpoint)"))
+        << r;
+    EXPECT_TRUE(r.says("Control points: 4 fitted, residual 0.000 m (RMS)")) << r;
+    EXPECT_EQ(report()["georeference"]["points"].items.size(), 5u);
+    const auto place = read_georeference((folder / "scene").string());
+    ASSERT_TRUE(place);
+    EXPECT_EQ(place->projection, "EPSG:32632");
+    const SparseModel placed = read_sparse_model((folder / "scene/sparse/0").string());
+    for (std::size_t i = 0; i < kNames.size(); ++i) {
+        const Vec3d centre = inverse(model.images[i].camera_from_world()).t;
+        EXPECT_LT(norm(inverse(placed.images[i].camera_from_world()).t - (2 * centre + away)), 1e-4)
+            << i;
+    }
+    // Training computes near zero, at the origin that the file names.
+    SceneOptions options;
+    options.path = (folder / "scene").string();
+    const Scene scene = read_scene(options);
+    EXPECT_LT(norm(scene.origin - away), 20);
+    EXPECT_EQ(norm(scene.origin - place->origin), 0);
+}
+
+TEST_F(Prepare, FramesThatCannotBeAreRefusedBeforeColmap) {
+    photos(kNames);
+    store(0, made_model(kNames));
+    write("gcp_list.txt", "EPSG:32632\n1 2 3 4 5 IMG_9.JPG\n");
+    for (const auto& [flags, code, why] :
+         {std::tuple("--gcp none.txt", 3, "none.txt"),
+          {"--gcp gcp_list.txt", 3, "gcp_list.txt:2: no photograph 'IMG_9.JPG'"},
+          {"--gps", 3, "--gps: 0 of the 5 photographs in photos have a place"},
+          {"--gps --gcp gcp_list.txt", 2, "exclude each other"},
+          {"--gps --marker-size 1", 2, "exclude each other"},
+          {"--checkpoints a", 2, "--checkpoints needs --gcp"}}) {
+        const Result r = run(str("photos scene ", flags));
+        EXPECT_EQ(r.code, code) << r;
+        EXPECT_TRUE(r.says(why)) << r;
+        expect_nothing_left();
+    }
+    EXPECT_EQ(text("calls.txt").find("feature_extractor"), std::string::npos);
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 #include "io/images/exif.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <iterator>
+#include <vector>
 
 #include "io/files/read_file.h"
 
@@ -50,7 +52,41 @@ struct Tiff {
         const std::string_view all = in.bytes.substr(at, std::min<std::size_t>(size, 64));
         return std::string(trimmed(all.substr(0, all.find('\0'))));
     }
+    /// The `count` rationals of a tag; empty if there are not as many, or one has no value.
+    std::vector<double> rationals(std::size_t list, std::uint32_t tag, std::size_t count) const {
+        std::size_t size = 0;
+        const std::size_t at = find(list, tag, size);
+        std::vector<double> out;
+        for (std::size_t i = 0; at != 0 && size == 8 * count && i < count; ++i) {
+            const double below = in.at(at + 8 * i + 4, 4);
+            if (below == 0) return {};
+            out.push_back(in.at(at + 8 * i, 4) / below);
+        }
+        return out;
+    }
 };
+
+/// The place in the list of GPS data. Cameras without a fix write zeros.
+std::optional<GeodeticPlace> read_place(const Tiff& tiff, std::size_t list) {
+    const std::vector<double> latitude = tiff.rationals(list, 2, 3),
+                              longitude = tiff.rationals(list, 4, 3),
+                              height = tiff.rationals(list, 6, 1);
+    const std::string north = tiff.text(list, 1), east = tiff.text(list, 3);
+    if (latitude.empty() || longitude.empty() || height.empty()) return std::nullopt;
+    if ((north != "N" && north != "S") || (east != "E" && east != "W")) return std::nullopt;
+    const auto degrees = [](const std::vector<double>& dms, bool negative) {
+        return (dms[0] + dms[1] / 60 + dms[2] / 3600) * (negative ? -1 : 1);
+    };
+    std::size_t size = 0;
+    const std::size_t below = tiff.find(list, 5, size);  // 1 and 3: below the surface
+    const bool negative = below != 0 && tiff.in.at(below, 1) % 2 == 1;
+    const GeodeticPlace place{degrees(latitude, north == "S"), degrees(longitude, east == "W"),
+                              negative ? -height[0] : height[0]};
+    if (place.latitude_deg == 0 && place.longitude_deg == 0) return std::nullopt;
+    if (!(std::abs(place.latitude_deg) <= 90 && std::abs(place.longitude_deg) <= 180))
+        return std::nullopt;
+    return place;
+}
 
 Exif read_tiff(std::string_view bytes) {
     Exif exif;
@@ -66,6 +102,8 @@ Exif read_tiff(std::string_view bytes) {
     if (const std::size_t details = tiff.find(list, 0x8769, size))
         if (const std::size_t at = tiff.find(in.at(details, 4), 0x920A, size))
             if (const double of = in.at(at + 4, 4); of > 0) exif.focal_mm = in.at(at, 4) / of;
+    if (const std::size_t gps = tiff.find(list, 0x8825, size))
+        exif.place = read_place(tiff, in.at(gps, 4));
     return exif;
 }
 

@@ -1,6 +1,7 @@
 // Reading of camera data from EXIF.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -8,11 +9,18 @@
 
 namespace tvsgs {
 
+/// A place on Earth by WGS84: degrees to the north and to the east, and metres above the ellipsoid
+/// or the sea.
+struct GeodeticPlace {
+    double latitude_deg = 0, longitude_deg = 0, height_m = 0;
+};
+
 /// Camera data of one photograph.
 struct Exif {
-    int orientation = 1;  // 1 to 8
-    std::string camera;   // maker and model, or empty
-    double focal_mm = 0;  // 0: unknown
+    int orientation = 1;                 // 1 to 8
+    std::string camera;                  // maker and model, or empty
+    double focal_mm = 0;                 // 0: unknown
+    std::optional<GeodeticPlace> place;  // of the camera; empty: unknown or without a height
 };
 
 /// Reads the first bytes of a JPEG, which must include the segments before the pixels. Never

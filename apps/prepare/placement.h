@@ -1,0 +1,69 @@
+// Puts a model into metres at its true place: by pairs of points in both frames, without outliers.
+// [docs/guide/photographs.md#true-scale-and-place]
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/prepare/photographs.h"
+#include "apps/prepare/sparse_model.h"
+#include "core/math/affine.h"
+#include "io/files/json_value.h"
+#include "io/images/exif.h"
+
+namespace tvsgs::prepare {
+
+/// The similarity that fits all pairs except outliers.
+struct Fit {
+    Affine3d world_from_model;
+    std::vector<bool> inlier;  // one per pair
+    double rmse = 0;           // of the inliers, metres
+};
+
+/// Tries similarities through three pairs each (all triples, or 2,000 random ones) and takes the
+/// one for which the residual of the best two thirds of the pairs is smallest. Then fits all pairs
+/// below a limit, until they stay the same; the limit is `tolerance` (metres) or a multiple of that
+/// residual, 2.5 (1 + 5 / (n - 3)), the larger one. [Rousseeuw87] `where` begins messages. Throws
+/// Error(ExitCode::input) for fewer than 3 pairs, and like require_no_line().
+Fit fit_without_outliers(const std::vector<Vec3d>& model,
+                         const std::vector<Vec3d>& world,
+                         double tolerance,
+                         const std::string& where);
+
+/// Throws Error(ExitCode::input) if the places (metres) lie so close to one line that the rotation
+/// around it is unknown: they spread across it by less than 2 % of the spread along it, or so
+/// little that `error` of each (metres) turns them by 10 degrees.
+void require_no_line(const std::vector<Vec3d>& places, double error, const std::string& where);
+
+/// East, north and up, in metres, from a point on the ellipsoid of WGS84.
+class LocalFrame {
+public:
+    /// At the median of the places.
+    explicit LocalFrame(const std::vector<GeodeticPlace>& places);
+
+    Vec3d operator()(const GeodeticPlace& place) const;
+    /// As a pipeline of PROJ.
+    std::string projection() const;
+
+private:
+    GeodeticPlace origin_;
+    Vec3d centre_;  // of the frame, from the Earth's
+    Mat3<double> local_from_earth_;
+};
+
+/// Result of placing a model.
+struct GeoFrame {
+    Similarity to_world;  // from the model to metres
+    std::string projection;
+    JsonValue report;  // for prepare.json
+};
+
+GeoFrame geo_frame(const Fit& fit, std::string projection);
+
+/// Throws Error(ExitCode::input) if fewer than three photographs have a place.
+void require_places(const std::vector<Photograph>& photographs, const std::string& folder);
+
+/// Fits the centres of the cameras to the places in EXIF, in a local frame.
+GeoFrame place_by_exif(const SparseModel& model, const std::vector<Photograph>& photographs);
+
+}  // namespace tvsgs::prepare

@@ -1,0 +1,48 @@
+#include "io/scene/georeference.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+std::string file_in(const std::string& folder) {
+    return (std::filesystem::path(folder) / "georeference.json").string();
+}
+
+}  // namespace
+
+bool is_one_line(std::string_view text) {
+    return std::ranges::all_of(text, [](unsigned char c) { return c >= 32 && c != 127; });
+}
+
+std::optional<Georeference> read_georeference(const std::string& folder) {
+    const std::string path = file_in(folder);
+    std::error_code code;
+    if (!std::filesystem::exists(path, code)) return std::nullopt;
+    const JsonValue json = parse_json_value(read_text(path, kMaxTextBytes), path);
+    Georeference out{json["projection"].text_or(""), {}};
+    const std::vector<JsonValue>& numbers = json["origin"].items;
+    for (int c = 0; c < 3; ++c)
+        out.origin[c] =
+            numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
+    if (out.projection.empty() || !is_one_line(out.projection) || !is_finite(out.origin))
+        throw input_error(path,
+                          ": expected {\"projection\": \"EPSG:32632\", \"origin\": [x, y, z]}");
+    return out;
+}
+
+void write_georeference(const std::string& folder, const Georeference& g) {
+    write_text_file(file_in(folder),
+                    json_text(JsonValue()
+                                  .add("projection", g.projection)
+                                  .add("origin", std::vector{g.origin.x, g.origin.y, g.origin.z})) +
+                        "\n");
+}
+
+}  // namespace tvsgs
