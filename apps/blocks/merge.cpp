@@ -8,6 +8,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
+#include "io/scene/georeference.h"
 #include "pipeline/blocks/blocks_merge.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
@@ -103,6 +104,8 @@ int merge(const MergeArguments& a) {
         table.json(JsonValue().add("version", kVersion).add("merged_from", manifest.folder)));
     write_text_file(run.path() + "/cameras.json", cameras);
     write_sky(run.path(), options.train.loss.photometric);
+    if (const auto place = read_georeference(options.scene.path))
+        write_georeference(run.path(), *place);
     const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->traits.flat;
     run.save_splats(whole, manifest.iterations, manifest.origin,
                     flat ? PlyScales::two : PlyScales::three);

@@ -8,6 +8,7 @@
 #include "core/grouped.h"
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
+#include "io/scene/georeference.h"
 #include "mesh/draw/upright.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
@@ -188,12 +189,14 @@ struct Input {
     std::string path;
     Gaussians<Cpu> splats;
     Vec3d origin;
+    std::string projection;  // of the scene; empty: none
 };
 
 Input read_input(const Arguments& a, const RunOptions& options, const Scene* scene) {
     Input in;
     in.path = find_splats(a.input);
     const std::optional<SplatFrame> frame = frame_of(a.input_frame);
+    if (is_run(a.input)) in.projection = projection_of(a.input);
     if (is_run(a.input) && scene) {
         in.origin = scene->origin;
         in.splats = read_splats(in.path, in.origin, options.train);
@@ -203,7 +206,8 @@ Input read_input(const Arguments& a, const RunOptions& options, const Scene* sce
     if (in.splats.size() == 0)
         throw input_error(in.path, ": no usable splats; expected at least one");
     if (splat_format(in.path) != SplatFormat::ply) {
-        in.origin = read_splat_origin(in.path);
+        const SplatPlace place = read_splat_place(in.path);
+        in.origin = place.origin, in.projection = place.projection;
         if (scene) {
             const Vec3f off = vec_cast<float>(in.origin - scene->origin);
             for (Vec3f& p : in.splats.means.span()) p += off;
@@ -238,12 +242,13 @@ int command(int argc, char** argv) {
                     str("--prune-unseen: ", a.input, " is not a run folder; give --scene DIR"));
     Input in = read_input(a, options, scene ? &*scene : nullptr);
     if (scene && !a.no_check) read_sky(options.train.loss.photometric, a.input);
-    how.origin = in.origin;
+    how.origin = in.origin, how.projection = in.projection;
+    if (!in.projection.empty() && !a.keep_axes) how.upright_from_scene = kUprightFromProjection;
     std::vector<Camera> cameras;
     if (scene) {
         for (const std::vector<View>* views : {&scene->train, &scene->test})
             for (const View& view : *views) cameras.push_back(view.camera);
-        if (!a.keep_axes)
+        if (!a.keep_axes && in.projection.empty())
             how.upright_from_scene = upright_from_scene(detail::cameras_of(scene->train));
     }
 

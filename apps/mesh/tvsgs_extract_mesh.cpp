@@ -10,6 +10,7 @@
 #include "io/files/manifest.h"
 #include "io/images/image_file.h"
 #include "io/mesh/mesh_files.h"
+#include "io/scene/georeference.h"
 #include "mesh/draw/mesh_render.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
@@ -164,6 +165,7 @@ int command(int argc, char** argv) {
                                          ": is the file of the splats; choose another name"));
     require_mesh_output(arguments.out, options.mesh_output, options.scene);
     const DeviceChoice device = choose_device(arguments.device);
+    const std::string projection = projection_of(options.scene.path);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
     spdlog::info("Input: {} splats of {}, {} training views of {}; {}", grouped(splats.size()),
@@ -185,8 +187,11 @@ int command(int argc, char** argv) {
                          texture_side(options.mesh_output) > 0);
     const MeshTexture texture =
         texture_of(mesh, scene.train, options.mesh_output, options.mesh.masks, arguments.out);
-    write_mesh(arguments.out, mesh, texture,
-               file_options(options.mesh_output, scene.train, scene.origin));
+    MeshFileOptions how = file_options(options.mesh_output, scene.train, scene.origin);
+    how.projection = projection;
+    if (!projection.empty() && !options.mesh_output.keep_axes)
+        how.upright_from_scene = kUprightFromProjection;
+    write_mesh(arguments.out, mesh, texture, how);
     spdlog::info("{}", summary_text(summary, mesh, texture));
     spdlog::info("Wrote {}", arguments.out);
     // A picture that may not be ours belongs to the user.

@@ -8,6 +8,7 @@
 #include "core/grouped.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
+#include "io/scene/georeference.h"
 #include "pipeline/scene/initial_points.h"
 #include "pipeline/scene/planned_scene.h"
 #include "pipeline/scene/sky.h"
@@ -107,6 +108,7 @@ int train_command(int argc, char* const* argv) {
     const EvaluationOptions& eval = asked.options.eval;
     const std::optional<Truth> truth =
         read_truth(eval, eval.gt.empty() ? Vec3d{} : read_scene_origin(asked.options.scene));
+    const std::optional<Georeference> georeference = read_georeference(asked.options.scene.path);
 
     // 2. The scene, and the options that it needs.
     Resolved resolved = resume.point ? resolve_resumed(device, asked, *resume.point)
@@ -131,6 +133,7 @@ int train_command(int argc, char* const* argv) {
     run.save_config(config_json(resolved.options, info));
     write_text_file(run.path() + "/memory.json", memory.json() + "\n");
     if (!plan.empty()) write_text_file(run.path() + "/plan.json", plan);
+    if (georeference) write_georeference(run.path(), *georeference);
     write_sky(run.path(), training.loss.photometric);
     log_resume(resume, changed, run);
     run.save_cameras(resolved.scene);

@@ -19,13 +19,16 @@
 #include "io/files/read_file.h"
 #include "io/files/safetensors.h"
 #include "io/files/zip_archive.h"
+#include "io/images/exif.h"
 #include "io/images/image_file.h"
 #include "io/images/webp.h"
 #include "io/mesh/mesh_files.h"
 #include "io/priors/prior_files.h"
 #include "io/priors/prior_sources.h"
 #include "io/scene/colmap.h"
+#include "io/scene/control_list.h"
 #include "io/scene/crop_file.h"
+#include "io/scene/georeference.h"
 #include "io/scene/scene_layout.h"
 #include "io/scene/trajectory.h"
 #include "io/scene/view_split.h"
@@ -73,7 +76,7 @@ void read_any_mesh(const std::string&, const std::string& file) {
 
 void read_any_splat_glb(const std::string&, const std::string& file) {
     const std::string bytes = read_bytes(file);
-    splat_glb_origin(bytes, file);
+    splat_glb_place(bytes, file);
     parse_splat_glb(bytes, file);
 }
 
@@ -256,6 +259,9 @@ const std::vector<Target>& targets() {
         {"mat", "a.mat", [](S, S file) { read_mat_array(file, "ObsMask"); }, nullptr},
         {"tnt_log", "a.log", [](S, S file) { read_trajectory_log(file); }, nullptr},
         {"tnt_trans", "a.txt", [](S, S file) { read_transform(file); }, nullptr},
+        {"control_list", "gcp_list.txt", [](S, S file) { read_control_list(file); }, nullptr},
+        {"georeference", "georeference.json", [](S folder, S) { read_georeference(folder); },
+         nullptr},
         {"crop", "a.json", [](S, S file) { read_crop(file); }, nullptr},
         {"nerfstudio", "transforms.json",
          [](S folder, S) { read_layout_of(SceneFormat::nerfstudio, folder); }, nullptr},
@@ -268,6 +274,7 @@ const std::vector<Target>& targets() {
         {"config", "config.json", read_configuration, nullptr},
         {"checkpoint", "a.ckpt", [](S, S file) { read_checkpoint(file); }, with_checksums},
         {"image", "a.png", read_picture, nullptr},
+        {"exif", "a.jpg", [](S, S file) { read_exif(read_bytes(file)); }, nullptr},
         {"map_pfm", "a.pfm", [](S, S file) { read_pfm(file); }, nullptr},
         {"map_dmb", "a.dmb", [](S, S file) { read_dmb(file); }, nullptr},
         {"map_colmap", "a.bin", [](S, S file) { read_colmap_map(file); }, nullptr},

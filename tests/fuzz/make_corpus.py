@@ -183,6 +183,12 @@ seed("crop", "good_prism", json.dumps({
 seed("crop", "good_box", '{"box": [[-1, -1, -1], [1, 1, 1]]}')
 seed("crop", "good_cylinder",
      '{"crop_cylinder": {"center_xy": [0, 1], "radius": 2, "z_min": 0, "z_max": 1}}')
+seed("control_list", "good_named", "EPSG:32611\n1 2 3 4 5 a.jpg p1\n1 2 3 6 7 b.jpg p1\n# no point\n")
+seed("control_list", "good_bom_crlf", b"\xef\xbb\xbfWGS84 UTM 32N\r\n1e6 5e6 -3\t4 5 a.jpg\r\n")
+seed("control_list", "good_degrees", "+proj=longlat +datum=WGS84\n11.5 48.1 500 4 5 a.jpg p1 x\n")
+seed("control_list", "columns", "EPSG:32611\n1 2 3 nan a.jpg\n")
+seed("georeference", "good_utm", '{"projection": "EPSG:32611", "origin": [235264, 3811210.5, 0]}')
+seed("georeference", "two_lines", '{"projection": "EPSG:\\n1", "origin": [1, 2]}')
 
 # Scenes
 frames = [{"file_path": f"images/{i}.png",
@@ -249,6 +255,14 @@ seed("image", "claims_much", png(60000, 60000, 8, 2, b"\0"))
 bmp = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 70, 0, 0, 54, 40, 2, 2, 1, 24, 0, 16, 1, 1, 0, 0)
 seed("image", "good_bmp", bmp + bytes(range(16)))
 seed("image", "jpeg_without_image", b"\xff\xd8\xff\xd9")
+# A place: latitude, longitude and height.
+place = (struct.pack("<4sI", b"II*\0", 8) + struct.pack("<HHHIII", 1, 0x8825, 4, 1, 26, 0)
+         + struct.pack("<HHHI4sHHII", 6, 1, 2, 2, b"N", 2, 5, 3, 104)
+         + struct.pack("<HHI4sHHII", 3, 2, 2, b"E", 4, 5, 3, 128)
+         + struct.pack("<HHIIHHIII", 5, 1, 1, 0, 6, 5, 1, 152, 0)
+         + struct.pack("<14I", 48, 1, 8, 1, 1425, 100, 11, 1, 34, 1, 305, 10, 1039, 2))
+exif = b"Exif\0\0" + place
+seed("exif", "good_place", b"\xff\xd8\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + b"\xff\xda")
 
 # Priors
 grid = [1, 2, 3, 4, 5, 6]

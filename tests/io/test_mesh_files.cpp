@@ -114,11 +114,15 @@ TEST_F(MeshFiles, WhatIsInATexturedGlb) {
     const MeshTexture texture = texture_of(mesh);
     const Mat3<double> R = some_turn();
     write_mesh(at("a.glb"), mesh, texture,
-               {.origin = {5e5, 4e6, 7}, .normals = true, .upright_from_scene = R});
+               {.origin = {5e5, 4e6, 7},
+                .projection = "EPSG:32632",
+                .normals = true,
+                .upright_from_scene = R});
     const Glb glb(read_bytes(at("a.glb")));
     EXPECT_EQ(glb.doc["asset"]["version"], "2.0");
     EXPECT_TRUE(glb.doc["asset"]["generator"].get<std::string>().starts_with("tvsgs "));
     EXPECT_EQ(glb.doc["asset"]["extras"]["origin"], (json{5e5, 4e6, 7.0}));
+    EXPECT_EQ(glb.doc["asset"]["extras"]["projection"], "EPSG:32632");
     EXPECT_EQ(glb.doc["scenes"][0]["nodes"], json::array({0}));
     const json& matrix = glb.doc["nodes"][0]["matrix"];
     ASSERT_EQ(matrix.size(), 16u);
@@ -227,14 +231,19 @@ TEST_F(MeshFiles, AllFormatsAreReadAsTheSameMesh) {
     for (const Vec3d origin : {Vec3d{}, Vec3d{500000.25, 4e6, -12}})
         for (const bool textured : {false, true}) {
             const MeshTexture texture = textured ? texture_of(mesh) : MeshTexture{};
-            const MeshFileOptions options{.origin = origin, .upright_from_scene = some_turn()};
+            const MeshFileOptions options{.origin = origin,
+                                          .projection = "+proj=utm +zone=32",
+                                          .upright_from_scene = some_turn()};
             const PlyGeometry expected = [&] {
                 write_mesh(at("a.ply"), mesh, texture, options);
+                EXPECT_NE(read_bytes(at("a.ply")).find("\ncomment projection +proj=utm +zone=32\n"),
+                          std::string::npos);
                 return read_mesh_geometry(at("a.ply"));
             }();
             for (const char* name : {"a.glb", "a.obj"}) {
                 SCOPED_TRACE(str(name, textured ? " textured" : "", " from ", origin.x));
                 write_mesh(at(name), mesh, texture, options);
+                EXPECT_NE(read_bytes(at(name)).find("+proj=utm +zone=32"), std::string::npos);
                 const PlyGeometry found = read_mesh_geometry(at(name));
                 // A GLB has only vertices of faces, and each position once.
                 ASSERT_EQ(found.positions.size(),

@@ -124,12 +124,14 @@ TEST(SplatGlb, TurnsItsNodeByWhatTheFrameHasNotTurned) {
     Gaussians<Cpu> g = test::random_gaussians(3, 1);
     SplatGlbOptions options;
     options.origin = {5e5, 4e6, 100};
+    options.projection = "EPSG:32632";
     options.upright_from_scene = {{{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}};
     for (const SplatFrame frame : {SplatFrame::luf, SplatFrame::rub, SplatFrame::rdf}) {
         options.frame = frame;
         const std::string glb = splat_glb_bytes("a.glb", g, options);
         const json document = document_of(glb);
         EXPECT_EQ(document["asset"]["extras"]["origin"], (json{5e5, 4e6, 100}));
+        EXPECT_EQ(splat_glb_place(glb, "a.glb").projection, "EPSG:32632");
         const json& m = document["nodes"][0]["matrix"];  // by columns
         const Vec3f p = half_turn(frame)(g.means[0]);
         const Vec3f expected{g.means[0].z, g.means[0].x, g.means[0].y};

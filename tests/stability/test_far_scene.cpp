@@ -5,13 +5,16 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "core/scene/local_origin.h"
+#include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
+#include "io/scene/georeference.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
 
@@ -44,6 +47,7 @@ protected:
         ASSERT_EQ(call("synth", "--out near --views 6 --width 80 --height 60 --quiet"), 0);
         fs::copy(folder_ / "near", folder_ / "far", fs::copy_options::recursive);
         move_model(folder_ / "far/sparse/0");
+        write_georeference((folder_ / "far").string(), {"EPSG:32632", kAway});
         for (const std::string name : {"near", "far"})
             ASSERT_EQ(call("train", "--scene " + name + " --out run_" + name +
                                         " --device cpu --iterations 60 --config " +
@@ -153,6 +157,47 @@ TEST_F(FarScene, MeshAndScoresAreThoseOfTheSceneAtZero) {
     EXPECT_NEAR(static_cast<double>(far.size()), static_cast<double>(near.size()),
                 0.1 * static_cast<double>(near.size()));
     EXPECT_LT(norm(mean_of(far) - kAway - mean_of(near)), 0.1);
+}
+
+/// A scene with a projection passes it on, and its meshes stand upright by its z axis.
+TEST_F(FarScene, FilesNameTheProjection) {
+    EXPECT_EQ(projection_of((folder_ / "run_far").string()), "EPSG:32632");
+    EXPECT_EQ(projection_of((folder_ / "run_near").string()), "");
+    const auto json_in = [](const std::string& file) {
+        const std::string bytes = read_bytes((folder_ / file).string());
+        std::uint32_t length = 0;
+        std::memcpy(&length, &bytes.at(12), 4);
+        return json::parse(bytes.substr(20, length));
+    };
+    ASSERT_EQ(
+        call("extract-mesh", "--model run_far --out mesh.glb --device cpu --mesh-resolution 48"),
+        0);
+    ASSERT_EQ(call("export", "run_far splats.glb --no-check --device cpu"), 0);
+    for (const std::string file : {"mesh.glb", "splats.glb"}) {
+        const json glb = json_in(file);
+        EXPECT_EQ(glb["asset"]["extras"]["projection"], "EPSG:32632") << file;
+        const json& matrix = glb["nodes"][0]["matrix"];  // by columns: z goes to y
+        ASSERT_EQ(matrix.size(), 16u) << file;
+        EXPECT_EQ(std::abs(matrix[9].get<double>()), 1) << file;
+    }
+    // Conversions keep it: to a file beside the splats, and to a comment.
+    ASSERT_EQ(call("export", "run_far splats.spz --no-check --device cpu"), 0);
+    EXPECT_EQ(json::parse(read_bytes((folder_ / "splats.spz.json").string()))["projection"],
+              "EPSG:32632");
+    for (const std::string from : {"splats.spz", "splats.glb"}) {
+        ASSERT_EQ(call("export", from + " again.ply --no-check --device cpu"), 0);
+        EXPECT_NE(read_bytes((folder_ / "again.ply").string())
+                      .substr(0, 200)
+                      .find("comment projection EPSG:32632\n"),
+                  std::string::npos)
+            << from;
+        fs::remove(folder_ / "again.ply");
+    }
+    std::ofstream(folder_ / "far/georeference.json")
+        << "{\"projection\": \"a\\nb\", \"origin\": [1, 2, 3]}";
+    EXPECT_EQ(call("extract-mesh", "--model run_far --out no.glb --device cpu"), 3);
+    fs::remove(folder_ / "far/georeference.json");
+    write_georeference((folder_ / "far").string(), {"EPSG:32632", kAway});
 }
 
 TEST_F(FarScene, DistancesAreThoseAtZero) {

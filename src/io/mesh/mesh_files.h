@@ -26,6 +26,9 @@ struct MeshFileOptions {
     /// Origin of the mesh's frame in the scene's frame. OBJ and PLY add it to the positions, in
     /// double. GLB stores it in asset.extras.origin, because its viewers use floats.
     Vec3d origin{};
+    /// Projection of the scene's frame: a comment in PLY and OBJ, asset.extras.projection in GLB;
+    /// empty: none.
+    std::string projection{};
     /// GLB: write vertex normals, for programs that light the mesh. The material is unlit.
     bool normals = false;
     /// GLB: rotation of the node that turns the mesh upright (+y up) in viewers. Positions and

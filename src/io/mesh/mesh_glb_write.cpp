@@ -187,6 +187,7 @@ std::string glb_bytes(const std::string& path,
                {"extras", {{"origin", {o.x, o.y, o.z}}, {"vertices", mesh.vertices.size()}}}}},
              {"scene", 0},
              {"extensionsUsed", list_of("KHR_materials_unlit")}};
+    if (!options.projection.empty()) doc["asset"]["extras"]["projection"] = options.projection;
     // Unlit, because the colours contain the photographs' light. Double-sided, because a fused
     // surface has holes.
     doc["materials"] =

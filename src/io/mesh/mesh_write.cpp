@@ -63,9 +63,11 @@ std::string name_of(const std::string& path) {
 
 std::string obj_text(const TriangleMesh& mesh,
                      const MeshTexture& texture,
-                     Vec3d origin,
+                     const MeshFileOptions& options,
                      const std::string& material) {
+    const Vec3d origin = options.origin;
     std::string out = str("# ", kVersion, "\n");
+    if (!options.projection.empty()) out += "# projection " + options.projection + "\n";
     if (!material.empty()) out += "mtllib " + material + "\nusemtl photographs\n";
     const bool far = norm(origin) > 0, colors = texture.empty() && !mesh.colors.empty();
     for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
@@ -175,7 +177,8 @@ void write_mesh(const std::string& path,
                 const MeshTexture& texture,
                 const MeshFileOptions& options) {
     const MeshFormat format = mesh_format(path).value_or(MeshFormat::ply);
-    if (format == MeshFormat::ply) return write_mesh_ply(path, mesh, options.origin);
+    if (format == MeshFormat::ply)
+        return write_mesh_ply(path, mesh, options.origin, options.projection);
     check_mesh(path, mesh);
     if (!texture.empty() && texture.faces.size() != mesh.faces.size())
         throw Error(ExitCode::internal, str(path, ": not written: ", texture.faces.size(),
@@ -185,7 +188,7 @@ void write_mesh(const std::string& path,
     if (format == MeshFormat::glb) {
         files.add(path, glb_bytes(path, mesh, texture, options));
     } else if (texture.empty()) {
-        files.add(path, obj_text(mesh, texture, options.origin, ""));
+        files.add(path, obj_text(mesh, texture, options, ""));
     } else {
         const std::vector<std::string> names = mesh_files(path, true, options.texture_format);
         files.add(names[0], with_signature(encode_texture(texture.image, options.texture_format),
@@ -193,7 +196,7 @@ void write_mesh(const std::string& path,
         files.add(names[1],
                   str("# ", kVersion, "\nnewmtl photographs\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0",
                       "\nillum 0\nmap_Kd ", name_of(names[0]), "\n"));
-        files.add(path, obj_text(mesh, texture, options.origin, name_of(names[1])));
+        files.add(path, obj_text(mesh, texture, options, name_of(names[1])));
     }
     files.commit();
 }

@@ -46,14 +46,18 @@ Gaussians<Cpu> read_splat_ply(const std::string& path,
 /// first value that is not finite. Positions are floats, or doubles if there is an origin to add. A
 /// filter is written unchanged beside the unfiltered scales and opacities. `signature`: adds a
 /// fourth line that identifies tvsgs, so that a later run may replace the file without a manifest;
-/// otherwise the header is exactly that of 3DGS.
+/// otherwise the header is exactly that of 3DGS. `projection`, if not empty, becomes a comment.
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& gaussians,
                      Vec3d origin = {},
                      PlyScales scales = PlyScales::three,
-                     bool signature = false);
+                     bool signature = false,
+                     const std::string& projection = "");
 /// Write a mesh with its colours and numbers of views, or a cloud with its attributes.
-void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin = {});
+void write_mesh_ply(const std::string& path,
+                    const TriangleMesh& mesh,
+                    Vec3d origin = {},
+                    const std::string& projection = "");
 void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin = {});
 
 }  // namespace tvsgs

@@ -61,8 +61,13 @@ private:
 enum class Comment { before_count, after_count, none };
 
 /// Viewers expect the number of splats in the third line.
-std::string header(std::size_t count, Vec3d origin, Comment comment = Comment::before_count) {
-    const std::string ours = str("comment ", kVersion, "\n");
+std::string header(std::size_t count,
+                   Vec3d origin,
+                   Comment comment = Comment::before_count,
+                   const std::string& projection = "") {
+    const std::string ours =
+        str("comment ", kVersion, "\n",
+            projection.empty() ? "" : str("comment projection ", projection, "\n"));
     std::string text =
         str("ply\nformat binary_little_endian 1.0\n", comment == Comment::before_count ? ours : "",
             "element vertex ", count, "\n", comment == Comment::after_count ? ours : "");
@@ -96,7 +101,8 @@ void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& g,
                      Vec3d origin,
                      PlyScales scales,
-                     bool signature) {
+                     bool signature,
+                     const std::string& projection) {
     const std::size_t count = g.means.size();
     const int rest = sh_count(g.sh_degree) - 1;
 
@@ -108,7 +114,8 @@ void write_splat_ply(const std::string& path,
     for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
     if (!g.filter.empty()) names.push_back("filter_3D");
     check_size(path, g.filter.size(), count, "filters");
-    std::string text = header(count, origin, signature ? Comment::after_count : Comment::none);
+    std::string text =
+        header(count, origin, signature ? Comment::after_count : Comment::none, projection);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
     PlyWriter out(path);
@@ -143,10 +150,14 @@ void write_splat_ply(const std::string& path,
     out.commit();
 }
 
-void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin) {
+void write_mesh_ply(const std::string& path,
+                    const TriangleMesh& mesh,
+                    Vec3d origin,
+                    const std::string& projection) {
     check_mesh(path, mesh);
     PlyWriter out(path);
-    out.put(str(header(mesh.vertices.size(), origin), mesh.colors.empty() ? "" : kColors,
+    out.put(str(header(mesh.vertices.size(), origin, Comment::before_count, projection),
+                mesh.colors.empty() ? "" : kColors,
                 mesh.views.empty() ? "" : "property uchar views\n", "element face ",
                 mesh.faces.size(), "\nproperty list uchar int vertex_indices\nend_header\n"));
     for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {

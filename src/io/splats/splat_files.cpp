@@ -10,6 +10,7 @@
 #include "io/files/json_value.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
+#include "io/scene/georeference.h"
 #include "io/splats/ply.h"
 #include "io/splats/sog.h"
 #include "io/splats/splat_glb.h"
@@ -35,12 +36,14 @@ void write(const std::string& path, const void* bytes, std::size_t size) {
 }
 
 /// Origin in the scene's axes: added to a position after its rotation from the file's frame.
-std::string origin_json(Vec3d origin, SplatFrame frame) {
-    return json_text(JsonValue()
-                         .add("generator", kVersion)
-                         .add("frame", frame_name(frame))
-                         .add("origin", std::vector{origin.x, origin.y, origin.z})) +
-           "\n";
+std::string origin_json(const SplatFileOptions& options, SplatFrame frame) {
+    const Vec3d o = options.origin;
+    JsonValue json;
+    json.add("generator", kVersion)
+        .add("frame", frame_name(frame))
+        .add("origin", std::vector{o.x, o.y, o.z});
+    if (!options.projection.empty()) json.add("projection", options.projection);
+    return json_text(json) + "\n";
 }
 
 /// Content of FILE.json if tvsgs wrote it, else nothing.
@@ -53,11 +56,21 @@ std::optional<JsonValue> read_origin_file(const std::string& path) {
     return json;
 }
 
+Vec3d origin_in(const JsonValue& json, const std::string& path) {
+    const std::vector<JsonValue>& numbers = json["origin"].items;
+    Vec3d origin;
+    for (int c = 0; c < 3; ++c)
+        origin[c] = numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
+    if (!is_finite(origin))
+        throw input_error(origin_file(path), ": \"origin\": expected three finite numbers");
+    return origin;
+}
+
 /// Call it before writing the splats: an older origin would move them.
-void put_origin_file(const std::string& path, Vec3d origin, SplatFrame frame) {
+void put_origin_file(const std::string& path, const SplatFileOptions& options, SplatFrame frame) {
     require_replaceable(path);
-    if (norm(origin) > 0)
-        write_text_file(origin_file(path), origin_json(origin, frame));
+    if (norm(options.origin) > 0 || !options.projection.empty())
+        write_text_file(origin_file(path), origin_json(options, frame));
     else if (read_origin_file(path))
         fs::remove(origin_file(path));
 }
@@ -99,7 +112,7 @@ std::uintmax_t write_splat_file(const std::string& path,
         turn(turned, half_turn(frame));
         const Vec3f signs = half_turn(frame).signs;
         write_splat_ply(path, turned, vec_cast<double>(signs) * options.origin, PlyScales::three,
-                        /*signature=*/true);
+                        /*signature=*/true, options.projection);
         return fs::file_size(path);
     }
     std::uintmax_t size = 0;
@@ -109,16 +122,16 @@ std::uintmax_t write_splat_file(const std::string& path,
         how.antialiased = options.antialiased;
         how.sh_bits_1 = options.spz_sh_bits_1, how.sh_bits_rest = options.spz_sh_bits_rest;
         const std::vector<std::uint8_t> bytes = spz_bytes(g, how, path);
-        put_origin_file(path, options.origin, frame);
+        put_origin_file(path, options, frame);
         write(path, bytes.data(), size = bytes.size());
     } else if (format == SplatFormat::sog) {
         const std::string bytes =
             sog_bytes(path, g, {frame, options.sog_palette, options.antialiased});
-        put_origin_file(path, options.origin, frame);
+        put_origin_file(path, options, frame);
         write(path, bytes.data(), size = bytes.size());
     } else {
         SplatGlbOptions how;
-        how.frame = frame, how.origin = options.origin;
+        how.frame = frame, how.origin = options.origin, how.projection = options.projection;
         how.antialiased = options.antialiased;
         if (options.upright_from_scene) how.upright_from_scene = *options.upright_from_scene;
         const std::string bytes = splat_glb_bytes(path, g, how);
@@ -127,19 +140,17 @@ std::uintmax_t write_splat_file(const std::string& path,
     return size;
 }
 
-Vec3d read_splat_origin(const std::string& path) {
+SplatPlace read_splat_place(const std::string& path) {
     const SplatFormat format = format_of(path);
-    if (format == SplatFormat::glb) return splat_glb_origin(read_bytes(path), path);
     if (format == SplatFormat::ply) return {};
-    const std::optional<JsonValue> json = read_origin_file(path);
-    if (!json) return {};
-    const std::vector<JsonValue>& numbers = (*json)["origin"].items;
-    Vec3d origin;
-    for (int c = 0; c < 3; ++c)
-        origin[c] = numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
-    if (!is_finite(origin))
-        throw input_error(origin_file(path), ": \"origin\": expected three finite numbers");
-    return origin;
+    SplatPlace place;
+    if (format == SplatFormat::glb)
+        place = splat_glb_place(read_bytes(path), path);
+    else if (const std::optional<JsonValue> json = read_origin_file(path))
+        place = {origin_in(*json, path), (*json)["projection"].text_or("")};
+    if (!is_one_line(place.projection))
+        throw input_error(path, ": \"projection\": expected one line of text");
+    return place;
 }
 
 Gaussians<Cpu> read_splat_file(const std::string& path,

@@ -27,10 +27,12 @@ struct SplatFileOptions {
     /// Origin of the splats' frame in the scene's frame. PLY adds it to positions, in double. GLB
     /// stores it in the file, SPZ and SOG in FILE.json beside the file, because viewers use floats.
     Vec3d origin{};
+    /// Projection of the scene's frame; stored like the origin, in PLY as a comment. Empty: none.
+    std::string projection{};
     std::optional<Mat3<double>> upright_from_scene;  // GLB: as in io/splats/splat_glb.h
 };
 
-/// The JSON file with the origin of an SPZ or SOG file.
+/// The JSON file with the origin and the projection of an SPZ or SOG file.
 std::string origin_file(const std::string& path);
 
 /// Writes all splats in order, in the format of the extension, as an atomic file. Returns the size
@@ -40,9 +42,9 @@ std::uintmax_t write_splat_file(const std::string& path,
                                 const Gaussians<Cpu>& gaussians,
                                 const SplatFileOptions& options = {});
 
-/// Origin stored for an SPZ, SOG or GLB file of tvsgs; zero if there is none, and for PLY. Throws
+/// The place stored for an SPZ, SOG or GLB file of tvsgs; nothing for PLY. Throws
 /// Error(ExitCode::input).
-Vec3d read_splat_origin(const std::string& path);
+SplatPlace read_splat_place(const std::string& path);
 
 /// Reads the splats of a file into our frame (RDF). `frame`: frame of the file; default:
 /// default_frame(). Subtracts `origin` from positions of a PLY. Throws Error(ExitCode::input).

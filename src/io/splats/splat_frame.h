@@ -1,6 +1,8 @@
 // Coordinate frames of splat formats, and rotations between them.
 #pragma once
 
+#include <string>
+
 #include "core/math/vec.h"
 #include "core/scene/gaussians.h"
 
@@ -10,6 +12,13 @@ namespace tvsgs {
 /// is rdf: right, down, forward. OpenGL and SPZ use rub: right, up, back. glTF uses luf: left, up,
 /// forward.
 enum class SplatFrame { rdf, rub, luf };
+
+/// Place of the splats of a file: the origin of their frame in the scene's frame, and the
+/// projection of that one; empty: none.
+struct SplatPlace {
+    Vec3d origin{};
+    std::string projection{};
+};
 
 /// Rotation by 180 degrees about an axis, or the identity. It is its own inverse and changes only
 /// signs, also of SH coefficients, because each basis function is odd or even in x, y and z.

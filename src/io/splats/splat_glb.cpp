@@ -50,10 +50,10 @@ public:
         check_extensions({kExtension, "KHR_materials_", "KHR_texture_", "EXT_texture_"});
     }
 
-    Vec3d origin() const {
-        return is_from_tvsgs("splats")
-                   ? vector3(member(member(doc_, "asset"), "extras"), "origin", {})
-                   : Vec3d{};
+    SplatPlace place() const {
+        if (!is_from_tvsgs("splats")) return {};
+        const json& extras = member(member(doc_, "asset"), "extras");
+        return {vector3(extras, "origin", {}), text(extras, "projection")};
     }
 
     Gaussians<Cpu> read(const HalfTurn& turn) const {
@@ -181,6 +181,7 @@ std::string splat_glb_bytes(const std::string& path,
                  {"antialiased", options.antialiased}}}}},
              {"scene", 0},
              {"extensionsUsed", list_of(kExtension)}};
+    if (!options.projection.empty()) doc["asset"]["extras"]["projection"] = options.projection;
     json primitive{{"attributes", std::move(attributes)}, {"mode", glb::kPoints}};
     primitive["extensions"][kExtension] = {{"kernel", "ellipse"},
                                            {"colorSpace", "srgb_rec709_display"},
@@ -198,8 +199,8 @@ Gaussians<Cpu> parse_splat_glb(std::string_view bytes, const std::string& path, 
     return SplatGlbReader(path, bytes).read(half_turn(frame));
 }
 
-Vec3d splat_glb_origin(std::string_view bytes, const std::string& path) {
-    return SplatGlbReader(path, bytes).origin();
+SplatPlace splat_glb_place(std::string_view bytes, const std::string& path) {
+    return SplatGlbReader(path, bytes).place();
 }
 
 }  // namespace tvsgs

@@ -17,6 +17,7 @@ struct SplatGlbOptions {
     /// Origin of the splats' frame in the scene's frame. Stored in asset.extras, because viewers
     /// use floats.
     Vec3d origin{};
+    std::string projection{};  // of the scene's frame, stored like the origin; empty: none
     /// Rotation that turns the scene upright (+y up). The file's node gets the part that `frame`
     /// does not cover. By default y points down.
     Mat3<double> upright_from_scene{{{-1, 0, 0}, {0, -1, 0}, {0, 0, 1}}};
@@ -39,7 +40,8 @@ Gaussians<Cpu> parse_splat_glb(std::string_view bytes,
                                const std::string& path,
                                SplatFrame frame = SplatFrame::luf);
 
-/// asset.extras.origin of a file of tvsgs, else zero. Throws Error(ExitCode::input).
-Vec3d splat_glb_origin(std::string_view bytes, const std::string& path);
+/// asset.extras.origin and .projection of a file of tvsgs, else nothing. Throws
+/// Error(ExitCode::input).
+SplatPlace splat_glb_place(std::string_view bytes, const std::string& path);
 
 }  // namespace tvsgs

@@ -26,10 +26,23 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view kEntries[] = {
-    "config.json",  "exposure.json", "sky.png",     "plan.json",   "memory.json", "log.jsonl",
-    "cameras.json", "cameras",       "point_cloud", "checkpoints", "mesh",        "eval",
-    "test",         "live",          "report.json", "report.html"};
+constexpr std::string_view kEntries[] = {"config.json",
+                                         "exposure.json",
+                                         "sky.png",
+                                         "plan.json",
+                                         "memory.json",
+                                         "log.jsonl",
+                                         "cameras.json",
+                                         "cameras",
+                                         "point_cloud",
+                                         "checkpoints",
+                                         "mesh",
+                                         "eval",
+                                         "test",
+                                         "live",
+                                         "report.json",
+                                         "report.html",
+                                         "georeference.json"};
 
 /// Whether there is a file with contents, there or below. (A run killed before it has a
 /// configuration leaves an empty log.)
