@@ -119,7 +119,8 @@ private:
                                 str(name, "=", token_, "; HttpOnly; SameSite=Strict; Path=/"));
             httplib::Params rest = request.params;
             rest.erase("token");
-            response.set_redirect(rest.empty() ? "/" : httplib::append_query_params("/", rest), 303);
+            response.set_redirect(rest.empty() ? "/" : httplib::append_query_params("/", rest),
+                                  303);
         } else if (!same(cookie(request.get_header_value("Cookie"), name), token_)) {
             response.status = 403;
             response.set_content("Open the address that tvsgs-view printed.\n", "text/plain");

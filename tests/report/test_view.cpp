@@ -355,7 +355,8 @@ TEST_F(ViewInBrowser, ThePageComesToRestReady) {
     const fs::path file = folder("ready") / "page.html";
     write_text_file(file, view_page(std::move(runs), two_cameras()).html);
     const std::string html = page_in_browser(file, "?wait");
-    EXPECT_NE(text_of(html, "status").find("Drag to turn"), std::string::npos) << text_of(html, "status");
+    EXPECT_NE(text_of(html, "status").find("Drag to turn"), std::string::npos)
+        << text_of(html, "status");
     EXPECT_EQ(html.find("<canvas id=\"canvas\" hidden"), std::string::npos);
     EXPECT_NE(html.find("<div id=\"controls\">"), std::string::npos);
     EXPECT_EQ(html.find("class=\"pane\" hidden"), std::string::npos);
