@@ -135,6 +135,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     add_output_flag(app, "--out-report", a.report, "file for the same JSON")->group(group);
     flags.add_scene("Scene (default: that of the run)");
     parse_command_line(app, argc, argv);
+    init_log(a.quiet ? Verbosity::quiet : a.verbose ? Verbosity::verbose : Verbosity::normal);
     flags.set_keys(table);  // checks the flags before looking for any file
 
     std::error_code failure;
@@ -229,7 +230,6 @@ Input read_input(const Arguments& a, const RunOptions& options, const Scene* sce
 int command(int argc, char** argv) {
     RunOptions options;
     const Arguments a = parse(argc, argv, options);
-    init_log(a.quiet ? Verbosity::quiet : a.verbose ? Verbosity::verbose : Verbosity::normal);
     // 1. Read the splats, and the views that have seen them.
     SplatFileOptions how = file_options(a, options);
     const DeviceChoice device = choose_device(a.device);

@@ -113,6 +113,9 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add_switch("--keep-axes", "mesh.keep_axes",
                      "GLB: keep the scene's axes [the mesh stands upright]", group);
     parse_command_line(app, argc, argv);
+    init_log(arguments.quiet     ? Verbosity::quiet
+             : arguments.verbose ? Verbosity::verbose
+                                 : Verbosity::normal);
     flags.set_keys(table);  // checks the flags before looking for any file
     require_mesher<Cpu>(options.mesh.method);
 
@@ -152,9 +155,6 @@ std::string default_output(const std::string& model) {
 int command(int argc, char** argv) {
     RunOptions options;
     Arguments arguments = parse(argc, argv, options);
-    init_log(arguments.quiet     ? Verbosity::quiet
-             : arguments.verbose ? Verbosity::verbose
-                                 : Verbosity::normal);
     if (arguments.bounded)
         spdlog::info("Background left out because of the given limit; --unbounded keeps it");
     if (arguments.out.empty()) arguments.out = default_output(arguments.model);

@@ -354,7 +354,7 @@ void OptionTable::read_environment(const OptionTable* others) {
         else if (others && find_option(others->options_, key))
             spdlog::warn("{}: this command has no key {}; ignored", name, key);
         else  // perhaps of another program
-            spdlog::warn("{} Ignored", unknown_key_text(options_, key, source));
+            spdlog::warn("Ignored {}", unknown_key_text(options_, key, source));
     }
 }
 
