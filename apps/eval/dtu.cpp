@@ -45,9 +45,7 @@ JsonValue counts_json(const Prediction& in, std::size_t culled, const DtuMetrics
 }
 
 int dtu(const DtuArguments& a) {
-    const std::vector<Bound> bounds = parse_bounds(
-        a.require,
-        {"accuracy", "completeness", "chamfer", "median_accuracy", "median_completeness"});
+    const std::vector<Bound> bounds = parse_bounds(a.require, kDistanceKeys);
     if (!a.clouds.empty()) create_results_folder(a.clouds, {"accuracy.ply", "completeness.ply"});
     DtuOptions options = a.options;
     if (a.order == "given")

@@ -31,8 +31,7 @@ Vec3d origin_of(const std::string& path) {
 int geometry(const GeometryArguments& arguments) {
     GeometryOptions options;
     if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
-    std::vector<std::string> keys = {"accuracy", "completeness", "chamfer", "median_accuracy",
-                                     "median_completeness"};
+    std::vector<std::string> keys = kDistanceKeys;
     for (const char* const name : {"precision@", "recall@", "f1@"}) {
         if (options.taus.empty()) keys.emplace_back(name);
         for (const double tau : options.taus) keys.push_back(str(name, tau));

@@ -43,11 +43,10 @@ void write_metrics_files(const std::string& run,
 }
 
 int nvs(const NvsArguments& arguments) {
-    std::vector<std::string> keys;
-    for (const char* const suffix : {"", "_masked"})
-        for (const char* const name : {"psnr", "ssim", "ssim_valid", "lpips"})
-            if (std::string(name) != "lpips" || !arguments.weights.empty())
-                if (*suffix == 0 || arguments.masked) keys.push_back(str(name, suffix));
+    std::vector<std::string> keys = {"psnr", "ssim", "ssim_valid"};
+    if (!arguments.weights.empty()) keys.emplace_back("lpips");
+    for (std::size_t i = 0, n = keys.size(); arguments.masked && i < n; ++i)
+        keys.push_back(keys[i] + "_masked");
     const std::vector<Bound> bounds = parse_bounds(arguments.require, keys);
     ViewScoring scoring;
     scoring.masked = arguments.masked;

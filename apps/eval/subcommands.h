@@ -40,6 +40,10 @@ struct Bound {
     }
 };
 
+/// Results of the subcommands that measure distances.
+inline const std::vector<std::string> kDistanceKeys = {"accuracy", "completeness", "chamfer",
+                                                       "median_accuracy", "median_completeness"};
+
 /// Parses the bounds before anything is measured. `keys`: of the results; "f1@" admits any
 /// threshold. Throws Error(ExitCode::usage).
 std::vector<Bound> parse_bounds(const std::vector<std::string>& texts,

@@ -22,7 +22,7 @@ public:
     /// `work` the help.
     Colmap(std::string program, const std::filesystem::path& work, std::string log);
 
-    /// Such as "3.8"; "?" if the program does not say it.
+    /// The version, such as "3.8"; "?" if the program's help has none.
     const std::string& version() const { return version_; }
 
     /// Command line with the names that `colmap COMMAND -h` lists: an option in a Feature group, or

@@ -1,13 +1,13 @@
 #include "apps/prepare/photographs.h"
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <map>
 #include <set>
 
 #include "apps/prepare/opencv.h"
 #include "core/log.h"
+#include "core/lower_case.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"
@@ -19,9 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string lower_extension(const fs::path& path) {
-    std::string extension = path.extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return extension;
+    return lower_case(path.extension().string());
 }
 
 bool is_one_of(const std::string& extension, std::initializer_list<const char*> known) {

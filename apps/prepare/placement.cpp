@@ -21,7 +21,7 @@ using Triple = std::array<std::size_t, 3>;
 
 std::vector<Triple> triples_of(std::size_t n) {
     constexpr std::size_t kAll = 23;  // 1,771 triples
-    constexpr int kDraws = 2000;      // nine in ten without an outlier are more than enough
+    constexpr int kDraws = 2000;      // with a third of outliers, three in ten have none
     std::vector<Triple> out;
     if (n <= kAll) {
         for (std::size_t i = 0; i < n; ++i)
@@ -125,13 +125,15 @@ Fit fit_without_outliers(const std::vector<Vec3d>& model,
     }
     if (!best) throw_on_a_line(where, n, 0, 0);
     // A fit through few pairs has small residuals by chance, so the limit is wider for them.
-    const double factor = n == 3 ? std::numeric_limits<double>::infinity()
-                                 : 2.5 * (1 + 5 / (static_cast<double>(n) - 3));
+    const auto limit_of = [&](const std::vector<double>& r) {
+        if (n == 3) return std::numeric_limits<double>::infinity();
+        return std::max(tolerance, 2.5 * (1 + 5 / (static_cast<double>(n) - 3)) * ranked(r, most));
+    };
     Fit fit{*best, {}, 0};
     constexpr int kRounds = 20;
     for (int round = 0; round < kRounds; ++round) {
         const std::vector<double> r = residuals(fit.world_from_model, model, world);
-        const double limit = n == 3 ? factor : std::max(tolerance, factor * ranked(r, most));
+        const double limit = limit_of(r);
         std::vector<bool> inlier;
         for (const double residual : r) inlier.push_back(residual <= limit);
         if (inlier == fit.inlier) break;

@@ -8,6 +8,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "render/photometric/ssim_math.h"
 
 namespace tvsgs {
 namespace {
@@ -38,17 +39,7 @@ double psnr_of(const Image<T>& a, const Image<T>& b) {
     return -10 * std::log10(sum / static_cast<double>(a.pixels.size()));
 }
 
-constexpr int kRadius = 5;
-
-/// The taps of a Gaussian with standard deviation 1.5; their sum is 1.
-std::array<double, 2 * kRadius + 1> gaussian_taps() {
-    std::array<double, 2 * kRadius + 1> taps;
-    double sum = 0;
-    for (int k = -kRadius; k <= kRadius; ++k)
-        sum += taps[k + kRadius] = std::exp(-k * k / (2 * 1.5 * 1.5));
-    for (double& tap : taps) tap /= sum;
-    return taps;
-}
+constexpr int kRadius = kSsimRadius;
 
 /// Windowed means of a, b, a^2, b^2 and ab over rows of one channel, with zeros outside.
 class WindowMeans {
@@ -76,9 +67,11 @@ public:
             for (int mean = 0; mean < kMeans; ++mean) {
                 const double* from = raw_[mean].data();
                 double* to = row(mean, y);
-                for (int k = -kRadius; k <= kRadius; ++k)
+                for (int k = -kRadius; k <= kRadius; ++k) {
+                    const double weight = ssim_weight<double>(k);
                     for (int x = std::max(0, -k); x < std::min(width_, width_ - k); ++x)
-                        to[x] += taps_[k + kRadius] * from[x + k];
+                        to[x] += weight * from[x + k];
+                }
             }
         }
     }
@@ -88,8 +81,11 @@ public:
         for (int mean = 0; mean < kMeans; ++mean) {
             double* to = means_[mean].data();
             std::fill_n(to, width_, 0.0);
-            for (int v = std::max(begin_, y - kRadius); v <= std::min(end_ - 1, y + kRadius); ++v)
-                for (int x = 0; x < width_; ++x) to[x] += taps_[v - y + kRadius] * row(mean, v)[x];
+            for (int v = std::max(begin_, y - kRadius); v <= std::min(end_ - 1, y + kRadius); ++v) {
+                const double weight = ssim_weight<double>(v - y);
+                const double* from = row(mean, v);
+                for (int x = 0; x < width_; ++x) to[x] += weight * from[x];
+            }
         }
         return means_;
     }
@@ -99,7 +95,6 @@ private:
         return rows_[mean].data() + static_cast<std::ptrdiff_t>(y - begin_) * width_;
     }
 
-    const std::array<double, 2 * kRadius + 1> taps_ = gaussian_taps();
     int width_, begin_ = 0, end_ = 0;
     std::array<std::vector<double>, kMeans> raw_, rows_, means_;
 };
@@ -107,7 +102,6 @@ private:
 template <class T>
 Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
     require_same_shape(a, b);
-    constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
     constexpr int kRows = 32;  // of a chunk, whose rows fit into the cache
     const int width = a.width, height = a.height;
     struct Sums {
@@ -123,12 +117,11 @@ Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
                 const auto& m = windows.at(y);
                 Sums& sums = of_rows[static_cast<std::size_t>(y)];
                 for (int x = 0; x < width; ++x) {
-                    const double ma = m[WindowMeans::of_a][x], mb = m[WindowMeans::of_b][x];
-                    const double va = m[WindowMeans::of_aa][x] - ma * ma,
-                                 vb = m[WindowMeans::of_bb][x] - mb * mb,
-                                 cov = m[WindowMeans::of_ab][x] - ma * mb;
-                    const double value = (2 * ma * mb + kC1) * (2 * cov + kC2) /
-                                         ((ma * ma + mb * mb + kC1) * (va + vb + kC2));
+                    const double value =
+                        ssim_terms<double>({m[WindowMeans::of_a][x], m[WindowMeans::of_b][x],
+                                            m[WindowMeans::of_aa][x], m[WindowMeans::of_bb][x],
+                                            m[WindowMeans::of_ab][x]})
+                            .ssim;
                     sums.all += value;
                     if (x >= kRadius && x < width - kRadius && y >= kRadius && y < height - kRadius)
                         sums.valid += value;

@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/lower_case.h"
 #include "core/nearest_name.h"
 #include "io/config/built_in_configs.h"
 #include "io/files/read_file.h"
@@ -346,8 +347,7 @@ void OptionTable::read_environment(const OptionTable* others) {
         std::string key = name.substr(6);
         for (std::size_t at; (at = key.find("__")) != std::string::npos;)
             key[at] = '.', key.erase(at + 1, 1);
-        std::transform(key.begin(), key.end(), key.begin(),
-                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        key = lower_case(key);
         const std::string source = str("environment variable ", name);
         if (find_option(options_, key))
             set(key, value, source);

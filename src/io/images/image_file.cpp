@@ -12,6 +12,7 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/grouped.h"
+#include "core/lower_case.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/images/stb.h"
@@ -179,8 +180,7 @@ void append_bytes(void* out, void* data, int size) {
 }  // namespace
 
 bool has_image_extension(const std::string& path) {
-    std::string extension = std::filesystem::path(path).extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    const std::string extension = lower_case(std::filesystem::path(path).extension().string());
     return std::ranges::find(kImageExtensions, extension) != std::end(kImageExtensions);
 }
 

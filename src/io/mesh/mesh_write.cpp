@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "core/error.h"
+#include "core/lower_case.h"
 #include "core/version.h"
 #include "io/files/atomic_file.h"
 #include "io/images/image_file.h"
@@ -116,8 +117,7 @@ private:
 }  // namespace
 
 std::optional<MeshFormat> mesh_format(const std::string& path) {
-    std::string extension = fs::path(path).extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    const std::string extension = lower_case(fs::path(path).extension().string());
     if (extension == ".glb") return MeshFormat::glb;
     if (extension == ".obj") return MeshFormat::obj;
     if (extension == ".ply") return MeshFormat::ply;

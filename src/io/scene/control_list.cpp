@@ -1,20 +1,14 @@
 #include "io/scene/control_list.h"
 
-#include <cctype>
 #include <cmath>
 #include <map>
 #include <tuple>
 
+#include "core/lower_case.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
-
-std::string lower(std::string_view text) {
-    std::string out(text);
-    for (char& c : out) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return out;
-}
 
 /// Value of a parameter such as "+units="; empty: none.
 std::string parameter(const std::string& proj, const std::string& key) {
@@ -69,7 +63,7 @@ private:
     }
 
     void read_projection(std::string_view line) {
-        const std::string words = lower(line);
+        const std::string words = lower_case(line);
         int code = 0;
         if (words.starts_with("epsg:") && parse_number(words.substr(5), code) && code > 0) {
             list_.projection = str("EPSG:", code);

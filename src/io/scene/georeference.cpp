@@ -1,11 +1,10 @@
 #include "io/scene/georeference.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 
 #include "io/files/atomic_file.h"
-#include "io/files/json_value.h"
+#include "io/files/json_vector.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -26,11 +25,7 @@ std::optional<Georeference> read_georeference(const std::string& folder) {
     std::error_code code;
     if (!std::filesystem::exists(path, code)) return std::nullopt;
     const JsonValue json = parse_json_value(read_text(path, kMaxTextBytes), path);
-    Georeference out{json["projection"].text_or(""), {}};
-    const std::vector<JsonValue>& numbers = json["origin"].items;
-    for (int c = 0; c < 3; ++c)
-        out.origin[c] =
-            numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
+    const Georeference out{json["projection"].text_or(""), vector_of(json["origin"])};
     if (out.projection.empty() || !is_one_line(out.projection) || !is_finite(out.origin))
         throw input_error(path,
                           ": expected {\"projection\": \"EPSG:32632\", \"origin\": [x, y, z]}");

@@ -1,13 +1,13 @@
 #include "io/splats/splat_files.h"
 
-#include <cctype>
-#include <cmath>
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/lower_case.h"
 #include "core/version.h"
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
+#include "io/files/json_vector.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"
@@ -57,10 +57,7 @@ std::optional<JsonValue> read_origin_file(const std::string& path) {
 }
 
 Vec3d origin_in(const JsonValue& json, const std::string& path) {
-    const std::vector<JsonValue>& numbers = json["origin"].items;
-    Vec3d origin;
-    for (int c = 0; c < 3; ++c)
-        origin[c] = numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
+    const Vec3d origin = vector_of(json["origin"]);
     if (!is_finite(origin))
         throw input_error(origin_file(path), ": \"origin\": expected three finite numbers");
     return origin;
@@ -78,8 +75,7 @@ void put_origin_file(const std::string& path, const SplatFileOptions& options, S
 }  // namespace
 
 std::optional<SplatFormat> splat_format(const std::string& path) {
-    std::string extension = fs::path(path).extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    const std::string extension = lower_case(fs::path(path).extension().string());
     if (extension == ".ply") return SplatFormat::ply;
     if (extension == ".spz") return SplatFormat::spz;
     if (extension == ".sog") return SplatFormat::sog;

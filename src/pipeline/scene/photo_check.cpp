@@ -14,7 +14,7 @@ namespace {
 constexpr int kLeastSide = 8;    // px; patches are seven wide
 constexpr int kBlankLevels = 2;  // range of the levels of a blank photograph
 
-constexpr int kRows = 64;  // rows of a photograph that are read
+constexpr int kRows = 64;  // of a photograph that are read at most
 
 /// The bytes of evenly spaced rows.
 std::string sample_of(const ImageU8& photo) {
