@@ -206,7 +206,7 @@ int command(int argc, char** argv) {
     init_log(quiet ? Verbosity::quiet : Verbosity::normal);
     const int code = run(options);
     say_next({"tvsgs-train", "--scene", options.out, "--split", "train_all"},
-             "train on it, and score the other photographs");
+             "train on all views but the test views");
     return code;
 }
 
