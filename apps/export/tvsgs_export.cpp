@@ -78,7 +78,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                    "JSON file that changes keys of the run; later files win")
         ->expected(1)
         ->take_all();
-    app.add_option("--set", settings, "key of the configuration, such as backbone=surfel")
+    app.add_option("--set", settings, "key of the configuration, such as backbone=rade")
         ->expected(1)
         ->take_all();
     CLI::Option* quiet = app.add_flag("--quiet", a.quiet, "warnings and errors only");
@@ -151,6 +151,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     table.read_environment();
     flags.set_keys(table);
     table.set_all(settings);
+    if (!is_run(a.input) && splat_format(a.input) == SplatFormat::ply)
+        choose_backbone(a.input, options.train.render, table);
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
     if (fs::equivalent(find_splats(a.input), a.output, failure))

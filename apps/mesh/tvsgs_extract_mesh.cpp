@@ -133,6 +133,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     table.read_environment();
     flags.set_keys(table);
     table.set_all(settings);
+    if (run.empty()) choose_backbone(arguments.model, options.train.render, table);
     if (no_masks) options.mesh.masks = false;
     arguments.bounded = !run.empty() && is_bounded_here(options, table, run);
     if (arguments.bounded) options.mesh.unbounded = false;

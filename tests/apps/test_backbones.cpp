@@ -81,6 +81,32 @@ TEST_F(Backbones, SplatsOfAnotherKindAreRefused) {
     expect_refused(r, 2, "splats of backbone 'surfel', but the configuration has 'ewa'");
 }
 
+TEST_F(Backbones, ASplatFileChoosesItsRasteriser) {
+    const std::string file = "/point_cloud/iteration_30/point_cloud.ply",
+                      discs = "2dgs_sparse" + file, ellipsoids = "3dgs" + file;
+    for (const std::string& splats : {discs, ellipsoids}) {
+        const Result m = mesh(splats, "--scene scene --alpha-min 0");
+        EXPECT_EQ(m.code, 0) << m;
+    }
+    const std::string both = "discs (splats with two scales), but backbone 'rade' draws ellipsoids";
+    expect_refused(mesh(discs, "--scene scene --set backbone=rade"), 3, both);
+    expect_refused(mesh(ellipsoids, "--scene scene --set backbone=surfel"), 3,
+                   "ellipsoids (splats with three scales), but backbone 'surfel' draws discs");
+    const std::string to_spz = " discs.spz --scene scene --device cpu --quiet";
+    EXPECT_EQ(run_tool(folder_, "export", discs + to_spz).code, 0);
+    expect_refused(run_tool(folder_, "export", discs + to_spz + " --set backbone=rade"), 3, both);
+
+    const std::string beside =
+        "--scene scene --iterations 2 --set init.min_points=0 --device cpu "
+        "--quiet --set init.fixed_splats=" +
+        discs + " --out beside ";
+    expect_refused(run_tool(folder_, "train", beside + "--set backbone=rade"), 3, both);
+    const Result r = run_tool(folder_, "train", beside);
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_NE(contents(folder_ / "beside/config.json").find("\"backbone\": \"surfel\""),
+              std::string::npos);
+}
+
 TEST_F(Backbones, TermsThatARasteriserDoesNotServeAreRefused) {
     expect_refused(train("3dgs", "refused", "--set loss.distortion.weight=1"), 2,
                    "backbone 'ewa' does not make the maps it compares (distortion)");

@@ -34,6 +34,9 @@ PlyGeometry read_ply_geometry(const std::string& path);
 /// becomes a millionth of the larger one.
 enum class PlyScales { three, two };
 
+/// Reads only the header; three if the file has no scales. Throws Error(ExitCode::input).
+PlyScales read_ply_scales(const std::string& path);
+
 /// Reads 3DGS splats: properties by name in any order, SH degree from the number of f_rest_*. Drops
 /// splats that are not finite with a warning. Applies a smoothing filter (filter_3D) to scales and
 /// opacities, so that every rasteriser renders the same; Gaussians::filter is empty. `scales`

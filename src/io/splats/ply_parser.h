@@ -52,7 +52,11 @@ struct Element {
 /// Parses a PLY file. Read or skip the elements in the order of the file.
 class PlyReader {
 public:
-    explicit PlyReader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {
+    static constexpr std::size_t kMaxHeader = 1 << 20;
+
+    explicit PlyReader(const std::string& path) : PlyReader(path, read_bytes(path)) {}
+    /// `bytes`: of the file, at least its header.
+    PlyReader(const std::string& path, std::string bytes) : path_(path), bytes_(std::move(bytes)) {
         read_header();
     }
 
@@ -141,7 +145,6 @@ private:
     std::size_t left() const { return bytes_.size() - offset_; }
 
     void read_header() {
-        constexpr std::size_t kMaxHeader = 1 << 20;
         bool has_format = false;
         for (int number = 1;; ++number) {
             const std::size_t end = bytes_.find('\n', offset_);

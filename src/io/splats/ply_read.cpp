@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <limits>
 
 #include "core/grouped.h"
@@ -210,6 +211,19 @@ PlyGeometry read_ply_geometry(const std::string& path) {
     }
     in.finish();
     return out;
+}
+
+PlyScales read_ply_scales(const std::string& path) {
+    require_regular_file(path);
+    std::ifstream file(path, std::ios::binary);
+    if (!file) throw input_error(path, ": cannot open it");
+    std::string header(PlyReader::kMaxHeader, '\0');
+    file.read(header.data(), static_cast<std::streamsize>(header.size()));
+    header.resize(static_cast<std::size_t>(file.gcount()));
+    const PlyReader in(path, std::move(header));
+    const Element& vertex = vertex_element(in);
+    return vertex.find("scale_0") >= 0 && vertex.find("scale_2") < 0 ? PlyScales::two
+                                                                     : PlyScales::three;
 }
 
 Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* scales) {

@@ -20,6 +20,8 @@
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/refined_cameras.h"
+#include "plan/decide.h"
+#include "plan/settings.h"
 
 namespace tvsgs {
 namespace fs = std::filesystem;
@@ -339,24 +341,35 @@ bool are_thin(const Gaussians<Cpu>& splats) {
     return thin > 0.99 * splats.size();
 }
 
+void require_disc_backbone(const std::string& file,
+                           const std::string& backbone,
+                           const BackboneOptions& render) {
+    if (make_backbone<Cpu>(backbone, render)->traits.flat) return;
+    throw Error(ExitCode::input,
+                str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
+                    backbone, "' draws ellipsoids; remove this key, or set one for discs (",
+                    backbones_of(true), ")"));
+}
+
 }  // namespace
+
+void choose_backbone(const std::string& file, const BackboneOptions& render, OptionTable& table) {
+    if (read_ply_scales(file) != PlyScales::two) return;
+    if (!is_pinned(table, "backbone")) table.set("backbone", kDiscs, file);
+    require_disc_backbone(file, table.option("backbone").get(), render);
+}
 
 Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train) {
     PlyScales scales;
     Gaussians<Cpu> splats = read_splat_ply(file, origin, &scales);
-    const bool flat = make_backbone<Cpu>(train.backbone, train.render)->traits.flat;
-    if (!flat && scales == PlyScales::two)
-        throw Error(ExitCode::input,
-                    str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
-                        train.backbone,
-                        "' draws ellipsoids; give --set backbone=X, X one of those for discs (",
-                        backbones_of(true), ")"));
-    if (flat && scales == PlyScales::three && !are_thin(splats))
-        throw Error(ExitCode::input,
-                    str("E_PLY_SCALES: ", file,
-                        ": ellipsoids (splats with three scales), but backbone '", train.backbone,
-                        "' draws discs; give --set backbone=X, X one of those for ellipsoids (",
-                        backbones_of(false), ")"));
+    if (scales == PlyScales::two) require_disc_backbone(file, train.backbone, train.render);
+    if (scales == PlyScales::three && !are_thin(splats) &&
+        make_backbone<Cpu>(train.backbone, train.render)->traits.flat)
+        throw Error(
+            ExitCode::input,
+            str("E_PLY_SCALES: ", file, ": ellipsoids (splats with three scales), but backbone '",
+                train.backbone, "' draws discs; remove this key, or set one for ellipsoids (",
+                backbones_of(false), ")"));
     if (splats.size() == 0)
         throw Error(ExitCode::input, str(file, ": no usable splats; expected at least one"));
     return splats;

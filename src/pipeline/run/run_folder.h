@@ -8,6 +8,7 @@
 
 #include "core/scene/gaussians.h"
 #include "core/scene/scene.h"
+#include "io/config/config.h"
 #include "io/files/json_value.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
@@ -77,6 +78,10 @@ bool holds_splats(const std::string& run);
 /// The file with the splats of the largest iteration in a run folder; returns `path` if it is a
 /// file. Throws Error(ExitCode::input).
 std::string find_splats(const std::string& path);
+
+/// Sets `backbone` for discs if a PLY has two scales and nobody has set the key. Throws
+/// Error(ExitCode::input) if the key is set to a backbone for ellipsoids.
+void choose_backbone(const std::string& file, const BackboneOptions& render, OptionTable& table);
 
 /// Reads the splats (at least one) of a file for the backbone of `train`. Throws
 /// Error(ExitCode::input), also where the file has discs and the backbone draws ellipsoids, or the

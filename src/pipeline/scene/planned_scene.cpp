@@ -2,6 +2,7 @@
 
 #include "io/config/built_in_configs.h"
 #include "pipeline/priors/view_maps.h"
+#include "pipeline/run/run_folder.h"
 #include "pipeline/scene/exposures.h"
 #include "pipeline/scene/initial_points.h"
 #include "pipeline/scene/photo_check.h"
@@ -109,6 +110,8 @@ private:
 void Preparation::read_views(bool resumed) {
     SceneOptions& o = options_.scene;
     // Stereo starts from the points that the scene comes with.
+    const std::string& fixed = options_.train.init.fixed_splats;
+    if (!resumed && !fixed.empty()) choose_backbone(fixed, options_.train.render, config_.table);
     if (resumed) o.need_points = !needs_of(options_.train.loss).view_maps.empty();
     o.points_required = !resumed && !planned_ && options_.train.init.min_points == 0;
     ChosenViews chosen = choose_views(o);
