@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/progress.h"
+#include "core/scene/photo_light.h"
 #include "plan/figures.h"
 
 namespace tvsgs {
@@ -39,8 +40,9 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
 }
 
 /// Logarithm of the ratio of two patches' brightness. Nothing for patches that differ, because
-/// another surface hides the point from a view, or that are flat, dark or saturated.
-std::optional<double> log_gain(const Patch& a, const Patch& b) {
+/// another surface hides the point from a view, or that are flat, dark or saturated. `light`: of
+/// the darker view.
+std::optional<double> log_gain(const Patch& a, const Patch& b, const PhotoLight& light) {
     const auto mean = [](const Patch& p) {
         return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
     };
@@ -50,9 +52,10 @@ std::optional<double> log_gain(const Patch& a, const Patch& b) {
         const double da = a[i] - mean_a, db = b[i] - mean_b;
         aa += da * da, bb += db * db, ab += da * db;
     }
-    constexpr double kFlat = 4 * kSide * kSide;  // two grey levels of deviation: noise
-    const bool alike = std::min(aa, bb) > kFlat && ab > 0.8 * std::sqrt(aa * bb);
-    if (!alike || std::min(mean_a, mean_b) < 10 || std::max(mean_a, mean_b) > 245)
+    constexpr double kFlat = 2;  // grey levels of deviation in full light
+    const double flat = kSide * kSide * std::pow(kFlat * light.factor(kFlat, 1), 2);
+    const bool alike = std::min(aa, bb) > flat && ab > 0.8 * std::sqrt(aa * bb);
+    if (!alike || std::min(mean_a, mean_b) < 10 * light.share || std::max(mean_a, mean_b) > 245)
         return std::nullopt;
     return std::log(mean_a / mean_b);
 }
@@ -152,9 +155,11 @@ SceneLook look_at(const Scene& scene,
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
     std::vector<double> pose_errors;
+    std::vector<PhotoLight> lights;
     for (const View& view : scene.train) {
         look.megapixels += 1e-6 * view.camera.width_px * view.camera.height_px;
         if (!std::isnan(view.pose_error_px)) pose_errors.push_back(view.pose_error_px);
+        lights.push_back(measure_light(view.photo));
     }
     look.pose_error = lower_median(pose_errors);
     look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
@@ -169,11 +174,15 @@ SceneLook look_at(const Scene& scene,
         const View& view = scene.train[v];
         const View* const other =
             nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
+        const PhotoLight& light =
+            other == nullptr ? lights[v]
+                             : std::min(lights[v], lights[static_cast<std::size_t>(nearest[v])],
+                                        [](auto& a, auto& b) { return a.share < b.share; });
         std::vector<double> gains;  // logarithms
         for (std::size_t i = 0; other != nullptr && i < points.size(); i += stride) {
             const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
             if (!here || !there) continue;
-            if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
+            if (const auto gain = log_gain(*here, *there, light)) gains.push_back(*gain);
         }
         const std::vector<Sighting> seen = sightings(view.camera, points, stride);
         const Matchable could_match(view, scene.train, masks, median_depth(seen),

@@ -84,7 +84,7 @@ struct FilterBody {
         if (!(share > 0.02f && share < 0.98f)) return;
         ReferencePatch patch;
         make_patch(pass.image, x, y, pass.side, patch);
-        if (!(patch.variance > kMinVariance)) return;
+        if (!patch.textured) return;
         const Vec3f point = plane.depth * pixel_ray(pass.camera, x, y);
         int agreeing = 0, which[kMaxSources];
         bool wide = false;

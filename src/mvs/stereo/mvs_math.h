@@ -13,7 +13,9 @@ namespace tvsgs {
 inline constexpr int kMaxSources = 8;    // per reference view; also the bits of a mask of views
 inline constexpr int kMaxPatchSide = 8;  // samples per side of a patch, two pixels apart
 inline constexpr float kWorstCost = 2;   // 1 - correlation of inverted patches
-// Minimum variance of a textured patch, grey values in [0, 1]: a deviation of 0.8 of 255 levels.
+// Smallest deviation of a textured patch in full light, of 255 grey levels, and its variance of
+// grey values in [0, 1].
+inline constexpr double kMinDeviation = 0.8;
 inline constexpr float kMinVariance = 1e-5f;
 inline constexpr float kMinFacing = 0.05f;  // planes seen at a flatter angle project to no area
 
@@ -37,6 +39,8 @@ struct SourceView {
     Rigid3f source_from_reference;
     Mat3f pixels_at_infinity;  // K_source R K_reference^-1
     Vec3f epipole;             // K_source t
+    float min_variance = kMinVariance;
+    float weight = 1;  // ViewPlan::weights
 };
 
 /// Homogeneous source pixels of a patch around a reference pixel: at_centre + dx per_x + dy per_y.
@@ -83,6 +87,7 @@ TVSGS_HD inline Pack<float> four_at(const float* p) {
 struct GreyImage {
     const float* pixels = nullptr;
     int width = 0, height = 0;
+    float min_variance = kMinVariance;  // of a textured patch
 
     TVSGS_HD float at_clamped(int x, int y) const {
         x = x < 0 ? 0 : x >= width ? width - 1 : x;
@@ -120,6 +125,7 @@ struct GreyImage {
 /// -(side - 1), -(side - 3), ..., side - 1 in x and y, in groups of 2 x 2 for vector instructions.
 struct ReferencePatch {
     int side = 0;  // even
+    bool textured = false;
     float mean = 0, variance = 0;
     float weights[kMaxPatchSide * kMaxPatchSide];   // sum 1
     float weighted[kMaxPatchSide * kMaxPatchSide];  // weight x (value - mean): sum 0
@@ -154,6 +160,7 @@ TVSGS_HD inline void make_patch(
         patch.weighted[k] = patch.weights[k] * value;
         patch.variance += patch.weighted[k] * value;
     }
+    patch.textured = patch.variance > image.min_variance;
     patch.mean = mean + centre;
 }
 
@@ -200,7 +207,7 @@ TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
                                  const PatchWarp& warp) {
     const float reach = static_cast<float>(patch.side - 1);
     const float z_spread = reach * (std::abs(warp.per_x.z) + std::abs(warp.per_y.z));
-    if (!(patch.variance > kMinVariance) || !(warp.at_centre.z > z_spread)) return kWorstCost;
+    if (!patch.textured || !(warp.at_centre.z > z_spread)) return kWorstCost;
     const float inverse_z = 1 / warp.at_centre.z;
     const float u = warp.at_centre.x * inverse_z, v = warp.at_centre.y * inverse_z;
     if (!source.contains(u, v, 0)) return kWorstCost;
@@ -214,7 +221,7 @@ TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
     const SourceSums sums =
         inside ? sum_source<false>(patch, source, warp) : sum_source<true>(patch, source, warp);
     const float variance = sums.square - sums.value * sums.value;
-    if (!(variance > kMinVariance)) return kWorstCost;
+    if (!(variance > source.min_variance)) return kWorstCost;
     const float cost = 1 - sums.product / std::sqrt(patch.variance * variance);
     return cost < 0 ? 0 : cost > kWorstCost ? kWorstCost : cost;
 }

@@ -24,7 +24,8 @@ struct StereoPass {
 
     TVSGS_HD int source_count() const { return sources.size(); }
     TVSGS_HD GreyImage source_image(const SourceView& source) const {
-        return {images.data + source.first_pixel, source.camera.width_px, source.camera.height_px};
+        return {images.data + source.first_pixel, source.camera.width_px, source.camera.height_px,
+                source.min_variance};
     }
     TVSGS_HD std::size_t index(int x, int y) const {
         return static_cast<std::size_t>(y) * camera.width_px + x;
@@ -104,7 +105,7 @@ struct SweepBody {
         const int count = pass.source_count();
         float best_cost = kWorstCost;
         SurfacePlane best{{0, 0, -1}, pass.depth_at(uniform(pass.random(x, y, 0, 0).v[0]))};
-        if (((x + y) & 1) != 0 && patch.variance > kMinVariance) {
+        if (((x + y) & 1) != 0 && patch.textured) {
             for (int k = 0; k < kPlanes; ++k) {
                 const SurfacePlane plane{{0, 0, -1},
                                          pass.depth_at((static_cast<float>(k) + 0.5f) / kPlanes)};
@@ -207,7 +208,7 @@ struct PropagateBody {
         const std::size_t at = pass.index(x, y);
         ReferencePatch patch;
         make_patch(pass.image, x, y, pass.side, patch);
-        if (!(patch.variance > kMinVariance)) {
+        if (!patch.textured) {
             pass.costs[at] = kWorstCost;
             return;
         }

@@ -155,9 +155,11 @@ private:
         source_begin_.assign(1, 0);
         for (int v = 0; v < view_count(); ++v) {
             const Camera& own = level_of(v, level).camera;
-            for (const int j : plans_[static_cast<std::size_t>(v)].sources)
+            for (const int j : plans_[static_cast<std::size_t>(v)].sources) {
                 sources.push_back(make_source(own, level_of(j, level).camera, j,
                                               first_pixel_[static_cast<std::size_t>(j)]));
+                sources.back().min_variance = level_of(j, level).min_variance;
+            }
             source_begin_.push_back(sources.size());
         }
         copy(sources, sources_);
@@ -172,7 +174,7 @@ private:
             pass.view = v;
             pass.level = level;
             pass.image = {images_.data() + first_pixel_[i], pass.camera.width_px,
-                          pass.camera.height_px};
+                          pass.camera.height_px, level_of(v, level).min_variance};
             pass.images = std::as_const(images_).span();
             pass.sources = {std::as_const(sources_).data() + source_begin_[i],
                             source_begin_[i + 1] - source_begin_[i]};

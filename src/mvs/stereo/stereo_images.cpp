@@ -1,9 +1,11 @@
 #include "mvs/stereo/stereo_images.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/scene/photo_light.h"
 
 namespace tvsgs {
 namespace {
@@ -29,10 +31,17 @@ std::vector<T> halved(const std::vector<T>& pixels, int width, int height, const
     return out;
 }
 
-StereoLevel halved(const StereoLevel& level) {
+/// Variance of a textured patch after `halvings` of the photograph, which halve its noise.
+float min_variance(const PhotoLight& light, int halvings) {
+    const double factor = light.factor(kMinDeviation, std::ldexp(1.0, -halvings));
+    return kMinVariance * static_cast<float>(factor * factor);
+}
+
+StereoLevel halved(const StereoLevel& level, float min_variance) {
     return {halved(level.camera),
             halved(level.grey, level.camera.width_px, level.camera.height_px,
-                   [](float a, float b, float c, float d) { return 0.25f * (a + b + c + d); })};
+                   [](float a, float b, float c, float d) { return 0.25f * (a + b + c + d); }),
+            min_variance};
 }
 
 std::uint32_t mean_color(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
@@ -52,7 +61,9 @@ int long_side(const Camera& camera) {
 StereoPyramid make_pyramid(const View& view) {
     const std::size_t count = static_cast<std::size_t>(view.photo.width) * view.photo.height;
     StereoPyramid out;
-    StereoLevel level{view.camera, std::vector<float>(count)};
+    const PhotoLight light = measure_light(view.photo);
+    int halvings = 0;
+    StereoLevel level{view.camera, std::vector<float>(count), min_variance(light, halvings)};
     out.colors.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
         const std::uint8_t* p = &view.photo.pixels[3 * i];
@@ -67,13 +78,13 @@ StereoPyramid make_pyramid(const View& view) {
             out.mask = halved(out.mask, w, h, [](int a, int b, int c, int d) {
                 return static_cast<std::uint8_t>((a + b + c + d + 2) / 4);
             });
-        level = halved(level);
+        level = halved(level, min_variance(light, ++halvings));
     }
     out.levels.push_back(std::move(level));
     while (long_side(out.levels.back().camera) > kCoarsestSide &&
            std::min(out.levels.back().camera.width_px, out.levels.back().camera.height_px) >=
                2 * kLeastSide)
-        out.levels.push_back(halved(out.levels.back()));
+        out.levels.push_back(halved(out.levels.back(), min_variance(light, ++halvings)));
     return out;
 }
 

@@ -13,6 +13,7 @@ namespace tvsgs {
 struct StereoLevel {
     Camera camera;
     std::vector<float> grey;  // [0, 1]
+    float min_variance;       // of a textured patch
 };
 
 /// The levels of one view.

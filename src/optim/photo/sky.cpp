@@ -6,6 +6,7 @@
 
 #include "core/device/parallel.h"
 #include "core/math/quantile.h"
+#include "core/scene/photo_light.h"
 #include "core/scene/sky_map.h"
 #include "optim/views/matchable.h"
 #include "optim/views/view_pairs.h"
@@ -19,12 +20,14 @@ constexpr int kOthers = 8;   // views that each view is compared with
 constexpr double kMove = 3;  // blocks by which far points must move between two compared views
 constexpr double kFarPoints = 0.9;   // quantile of a view's depths that counts as far
 constexpr double kLeastSeen = 0.01;  // smallest comparable share of the blocks
-// Smallest deviation, smallest correlation, largest difference of grey levels from 0 to 1.
+// Smallest deviation, smallest correlation, largest difference of grey levels from 0 to 1, in full
+// light.
 constexpr double kTextured = 0.02, kAlike = 0.85, kSame = 0.06;
 
 /// A view reduced to the means of blocks of pixels.
 struct Small {
     int block = 1, width = 0, height = 0;
+    double light;                  // PhotoLight::share
     Camera camera;                 // of the blocks
     std::vector<float> grey;       // 0 to 1
     std::vector<std::uint8_t> is;  // whether the block is used
@@ -33,6 +36,7 @@ struct Small {
         : block((view.camera.width_px + kWidth - 1) / kWidth),
           width(view.camera.width_px / block),
           height(view.camera.height_px / block),
+          light(measure_light(view.photo).share),
           camera(view.camera),
           grey(static_cast<std::size_t>(width) * height),
           is(grey.size(), 1) {
@@ -138,7 +142,8 @@ public:
         aa_.fill([&](std::size_t i) { return own(i) * own(i); });
         for_blocks([&](std::size_t i, int x, int y) {
             const double n = count_.around(x, y);
-            textured_[i] = view.is[i] && n > 0 && deviation(a_, aa_, n, x, y) >= kTextured;
+            textured_[i] =
+                view.is[i] && n > 0 && deviation(a_, aa_, n, x, y) >= kTextured * view.light;
         });
     }
 
@@ -160,12 +165,13 @@ public:
             const double n = count_.around(x, y);
             if (!is(i) || n < kReach * kReach) return;
             seen_[i] = 1;
-            if (!(apart_.around(x, y) / n < kSame)) return;
+            if (!(apart_.around(x, y) / n < kSame * view_.light)) return;
             same_[i] = 1;
             const double a = deviation(a_, aa_, n, x, y), b = deviation(b_, bb_, n, x, y),
                          covariance =
                              ab_.around(x, y) / n - a_.around(x, y) / n * b_.around(x, y) / n;
-            if (textured_[i] && b >= kTextured && covariance > kAlike * a * b) far_[i] = 1;
+            if (textured_[i] && b >= kTextured * view_.light && covariance > kAlike * a * b)
+                far_[i] = 1;
         });
     }
 

@@ -7,6 +7,7 @@
 #include "core/device/parallel.h"
 #include "core/log.h"
 #include "core/progress.h"
+#include "core/scene/photo_light.h"
 #include "core/scene/view_frustum.h"
 
 namespace tvsgs {
@@ -39,12 +40,22 @@ double median_depth(const std::vector<Sighting>& seen) {
     return lower_median(depths);
 }
 
+namespace {
+
+constexpr double kFlat = 2;  // grey levels in full light
+
+}  // namespace
+
 Matchable::Matchable(const View& view,
                      const std::vector<View>& views,
                      bool masks,
                      double depth,
                      const FarPixels* sky)
-    : view_(view), masks_(masks && !view.mask.empty()), depth_(depth), sky_(sky) {
+    : view_(view),
+      flat_(kFlat * measure_light(view.photo).factor(kFlat, 0.5)),
+      masks_(masks && !view.mask.empty()),
+      depth_(depth),
+      sky_(sky) {
     if (!(depth > 0)) return;
     // Of thousands of views only a few overlap this one.
     const Camera& own = view.camera;
@@ -69,7 +80,6 @@ double Matchable::share() const {
 
 bool Matchable::is_textured(int x, int y) const {
     constexpr int kBlocks = 5;
-    constexpr double kFlat = 2;  // grey levels
     const int left = std::clamp(x - kBlocks, 0, view_.photo.width - 2 * kBlocks),
               top = std::clamp(y - kBlocks, 0, view_.photo.height - 2 * kBlocks);
     if (left < 0 || top < 0) return true;     // the image is too small to decide
@@ -87,7 +97,7 @@ bool Matchable::is_textured(int x, int y) const {
             sum += level, squares += level * level;
         }
     constexpr double n = kBlocks * kBlocks;
-    return squares / n - (sum / n) * (sum / n) > kFlat * kFlat;
+    return squares / n - (sum / n) * (sum / n) > flat_ * flat_;
 }
 
 bool Matchable::is_in_other_view(int x, int y) const {

@@ -34,7 +34,8 @@ std::vector<Sighting> sightings(const Camera& camera,
 double median_depth(const std::vector<Sighting>& seen);
 
 /// Tells which pixels of a view stereo could match: inside the mask, textured, and inside another
-/// view's image. Textured: the means of 2 x 2 pixels vary by more than noise within ten pixels.
+/// view's image. Textured: the means of 2 x 2 pixels vary by more than noise within ten pixels, by
+/// two grey levels in full light.
 /// [docs/method/masks.md#pixels-that-could-be-matched]
 class Matchable {
 public:
@@ -64,6 +65,7 @@ private:
     bool is_in_other_view(int x, int y) const;
 
     const View& view_;
+    double flat_;  // deviation of an area without texture, grey levels
     bool masks_;
     double depth_;
     const FarPixels* sky_;
