@@ -57,7 +57,7 @@ TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
 enum Uniqueness : std::uint8_t { kNoDepth, kUnique, kRepeated };
 
 /// Keeps a depth if enough sources see the same surface, at a sufficient angle, with similar
-/// patches. confidence = share of agreeing sources x clamp(1.2 - cost).
+/// patches. confidence = share of agreeing sources, by weight, x clamp(1.2 - cost).
 struct FilterBody {
     static constexpr float kMaxCost = 1;         // 1 - correlation; that of unrelated patches
     static constexpr int kRepetitionRange = 64;  // px searched for second matches
@@ -88,7 +88,7 @@ struct FilterBody {
         const Vec3f point = plane.depth * pixel_ray(pass.camera, x, y);
         int agreeing = 0, which[kMaxSources];
         bool wide = false;
-        float cost_sum = 0;
+        float cost_sum = 0, weight_sum = 0;
         for (int j = 0; j < pass.source_count(); ++j) {
             const SourceView& source = pass.sources[static_cast<std::size_t>(j)];
             if (agreeing_pixel(source, pass.camera, point, plane.normal, depths, planes, limits)
@@ -98,6 +98,7 @@ struct FilterBody {
             if (!(cost < kMaxCost)) continue;
             which[agreeing++] = j;
             cost_sum += cost;
+            weight_sum += source.weight;
             wide |= triangulation_cosine(source, point) < max_angle_cosine;
         }
         if (!wide || agreeing < agreement_needed(limits, pass, point, plane.normal, depths)) return;
@@ -107,8 +108,7 @@ struct FilterBody {
         uniqueness[at] =
             is_repeated(x, y, patch, plane, which, agreeing, cost) ? kRepeated : kUnique;
         kept_depths[at] = plane.depth;
-        confidences[at] =
-            static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * similarity;
+        confidences[at] = weight_sum / static_cast<float>(pass.source_count()) * similarity;
     }
 
 private:

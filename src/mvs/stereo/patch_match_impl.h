@@ -155,10 +155,13 @@ private:
         source_begin_.assign(1, 0);
         for (int v = 0; v < view_count(); ++v) {
             const Camera& own = level_of(v, level).camera;
-            for (const int j : plans_[static_cast<std::size_t>(v)].sources) {
+            const ViewPlan& plan = plans_[static_cast<std::size_t>(v)];
+            for (std::size_t k = 0; k < plan.sources.size(); ++k) {
+                const int j = plan.sources[k];
                 sources.push_back(make_source(own, level_of(j, level).camera, j,
                                               first_pixel_[static_cast<std::size_t>(j)]));
                 sources.back().min_variance = level_of(j, level).min_variance;
+                sources.back().weight = plan.weights[k];
             }
             source_begin_.push_back(sources.size());
         }

@@ -15,7 +15,9 @@ namespace {
 
 constexpr std::size_t kEnoughPoints = 20;  // in a view, for percentiles of their depths
 constexpr double kDegree = 3.14159265358979 / 180;
-constexpr int kMaxPairAngleDeg = 60;  // patches seen from farther apart hardly match
+constexpr double kFullPairAngleDeg = 45, kMaxPairAngleDeg = 75;
+constexpr double kNearWeight = 0.5;     // of a pair at 60 degrees
+constexpr std::size_t kFewSources = 2;  // with fewer near ones, farther ones help
 
 /// The point nearest to all optical axes; none if they are parallel.
 std::optional<Vec3d> common_focus(const std::vector<Camera>& cameras) {
@@ -68,26 +70,38 @@ std::vector<Vec3f> grid_points(const Camera& camera, const ViewPlan& plan) {
     return points;
 }
 
+/// Weight of a pair of views at a mean angle: patches seen from farther apart match less often, and
+/// not at all from kMaxPairAngleDeg on.
+double pair_weight(double angle_deg) {
+    const double beyond = (angle_deg - kFullPairAngleDeg) / (kMaxPairAngleDeg - kFullPairAngleDeg);
+    return beyond <= 0 ? 1 : beyond >= 1 ? 0 : 0.5 * (1 + std::cos(180 * kDegree * beyond));
+}
+
 struct Score {
-    double score;
+    double score, weight;
     int view;
 };
 
+/// Points that the camera sees, at most about 4,000: enough for ranges and scores.
+std::vector<Vec3f> seen_points(const Camera& camera, const std::vector<Vec3f>& points) {
+    const std::size_t stride = 1 + points.size() / 4000;
+    std::vector<Vec3f> seen;
+    for (std::size_t k = 0; k < points.size(); k += stride)
+        if (is_in_view(camera, points[k])) seen.push_back(points[k]);
+    return seen;
+}
+
 }  // namespace
 
-std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
-                                 const std::vector<Vec3f>& points,
-                                 float near_depth,
-                                 float far_depth) {
+std::vector<ViewPlan> plan_ranges(const std::vector<Camera>& cameras,
+                                  const std::vector<Vec3f>& points,
+                                  float near_depth,
+                                  float far_depth) {
     const std::optional<Vec3d> focus = common_focus(cameras);
-    const std::size_t stride = 1 + points.size() / 4000;  // enough for ranges and scores
     std::vector<ViewPlan> plans(cameras.size());
-    std::size_t with_sources = 0;
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         ViewPlan& plan = plans[i];
-        std::vector<Vec3f> seen;
-        for (std::size_t k = 0; k < points.size(); k += stride)
-            if (is_in_view(cameras[i], points[k])) seen.push_back(points[k]);
+        const std::vector<Vec3f> seen = seen_points(cameras[i], points);
         set_range(cameras[i], seen, focus, plan);
         if (near_depth > 0) plan.near_depth = near_depth;
         if (far_depth > 0) plan.far_depth = far_depth;
@@ -97,7 +111,19 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                             grouped(points.size()), " sparse points (", kEnoughPoints,
                             " needed), and no optical axes cross in front of it; give "
                             "stereo.depth_near and stereo.depth_far"));
+    }
+    return plans;
+}
 
+std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
+                                 const std::vector<Vec3f>& points,
+                                 float near_depth,
+                                 float far_depth) {
+    std::vector<ViewPlan> plans = plan_ranges(cameras, points, near_depth, far_depth);
+    std::size_t with_sources = 0;
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+        ViewPlan& plan = plans[i];
+        std::vector<Vec3f> seen = seen_points(cameras[i], points);
         if (seen.size() < kEnoughPoints) seen = grid_points(cameras[i], plan);
         std::vector<Score> scores;
         const Vec3f own = camera_centre(cameras[i]);
@@ -116,19 +142,28 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                 angle_sum += angle;
                 ++common;
             }
-            if (common > 0 && angle_sum <= kMaxPairAngleDeg * common && score > 0)
-                scores.push_back({score, static_cast<int>(j)});
+            if (common == 0) continue;
+            const double weight = pair_weight(angle_sum / common);
+            if (weight * score > 0) scores.push_back({weight * score, weight, static_cast<int>(j)});
         }
         std::stable_sort(scores.begin(), scores.end(),
                          [](const Score& a, const Score& b) { return a.score > b.score; });
+        // Beside near sources, far ones only add wrong matches.
+        const auto near = static_cast<std::size_t>(std::count_if(
+            scores.begin(), scores.end(), [](const Score& s) { return s.weight >= kNearWeight; }));
+        if (near >= kFewSources)
+            std::erase_if(scores, [](const Score& s) { return s.weight < kNearWeight; });
         const auto count = std::min(scores.size(), std::size_t{kMaxSources});
-        for (std::size_t k = 0; k < count; ++k) plan.sources.push_back(scores[k].view);
+        for (std::size_t k = 0; k < count; ++k) {
+            plan.sources.push_back(scores[k].view);
+            plan.weights.push_back(static_cast<float>(scores[k].weight));
+        }
         with_sources += count > 0;
     }
     if (with_sources == 0)
         throw Error(ExitCode::input,
-                    str("none of the ", cameras.size(), " views overlaps with another at up to ",
-                        kMaxPairAngleDeg,
+                    str("none of the ", cameras.size(),
+                        " views overlaps with another at less than ", kMaxPairAngleDeg,
                         " degrees; stereo needs overlapping views from different places"));
     if (with_sources < cameras.size())
         spdlog::warn("{} of {} views overlap with no other view and get no depth",

@@ -10,14 +10,22 @@ namespace tvsgs {
 
 /// Sources and depth range of one view.
 struct ViewPlan {
-    std::vector<int> sources;  // best first; empty: no other view overlaps
+    std::vector<int> sources;    // best first; empty: no other view overlaps
+    std::vector<float> weights;  // of the sources: 1 up to 45 degrees, falls to 0 at 75
     float near_depth = 0, far_depth = 0;
 };
 
-/// Plans every view. A good source sees the same surface at an angle of about 5 degrees or more.
-/// [MVSNet, A.2] A depth of 0 is replaced from the points, or from the point at which the cameras
-/// look. Throws Error(ExitCode::input) if no view has a source, and if a depth is 0 and neither 20
-/// points nor crossing axes determine it.
+/// Depth ranges of all views, without sources. A depth of 0 is replaced from the points, or from
+/// the point at which the cameras look. Throws Error(ExitCode::input) if a depth is 0 and neither
+/// 20 points nor crossing axes determine it.
+std::vector<ViewPlan> plan_ranges(const std::vector<Camera>& cameras,
+                                  const std::vector<Vec3f>& points,
+                                  float near_depth,
+                                  float far_depth);
+
+/// Adds sources to the ranges. A good source sees the same surface at an angle of about 5 degrees
+/// or more. [MVSNet, A.2] A view with two sources up to 60 degrees gets none beyond. Throws like
+/// plan_ranges(), and if no view has a source.
 std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  const std::vector<Vec3f>& points,
                                  float near_depth,
