@@ -114,6 +114,7 @@ std::string block_config(const RunOptions& options,
         table.set(key, "", by);
     table.set("scene.num_views", "0", by), table.set("scene.eval", "false", by);
     table.set("cameras.refine", "false", by);
+    table.set("init.force", "true", by);  // a block has few points in most of its views
     const AdamOptions& lr = options.train.lr;
     const DensifyOptions& densify = options.train.densify;
     block.train.lr.position_start = static_cast<float>(lr.position_start * whole_over_block);

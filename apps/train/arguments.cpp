@@ -46,6 +46,10 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
               "Scene");
     flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
               "Scene");
+    flags.add_switch("--force", "init.force",
+                     "train from less than 100 start points, or from points on less than 1 % of "
+                     "the photographs",
+                     "Scene");
     flags.add("--fixed-points", "tv.fixed_voters",
               "measured points (LiDAR) in the frame of the scene: they vote and never move",
               "Scene");

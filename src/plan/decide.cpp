@@ -18,6 +18,8 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // were not measured.
 constexpr int kDenseViews = 40;
 constexpr double kModelCovers = 0.4, kCloudForDiscs = 0.06;  // points per pixel
+constexpr std::size_t kLeastPoints = 100;                    // to start from
+constexpr double kLeastCovered = 0.01;                       // share of the photographs
 constexpr double kDrift = 0.15;
 constexpr double kPoseError = 0.5, kPoseExact = 0.25;  // px
 // A background of one colour: share of the images' borders, and at most of the initial points.
@@ -405,6 +407,13 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
             kModelCovers,
             {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}},
             covers ? "" : "start points by stereo"};
+}
+
+std::string start_fault(const StartLook& look) {
+    if (look.points >= kLeastPoints && look.covered >= kLeastCovered) return {};
+    return str(grouped(look.points), " start points on ", percent(look.covered),
+               " of the photographs; expected at least ", kLeastPoints, " on ",
+               percent(kLeastCovered));
 }
 
 Decision decide_sky(double share) {

@@ -32,6 +32,9 @@ std::vector<Decision> decide_masks(const MaskLook& look);
 /// chosen.
 Decision decide_cloud(const SceneLook& look, bool dense);
 
+/// Why a training cannot start from these points; empty: it can.
+std::string start_fault(const StartLook& look);
+
 /// Whether a sky is drawn behind the splats. `share`: SkyDetection::share.
 Decision decide_sky(double share);
 

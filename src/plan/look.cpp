@@ -246,6 +246,27 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
     return look;
 }
 
+StartLook look_at_start(const std::vector<View>& train,
+                        const std::vector<Vec3f>& points,
+                        bool masks) {
+    constexpr int kCells = 64;
+    std::size_t all = 0, covered = 0;
+    for (const View& view : train) {
+        const int w = view.camera.width_px, h = view.camera.height_px,
+                  side = (std::max(w, h) + kCells - 1) / kCells, row = (w + side - 1) / side;
+        std::vector<std::uint8_t> seen(static_cast<std::size_t>(row) * ((h + side - 1) / side));
+        for (const Sighting& s : sightings(view.camera, points, 1))
+            seen[static_cast<std::size_t>(s.y / side) * row + s.x / side] = 1;
+        for (std::size_t i = 0; i < seen.size(); ++i) {
+            const int x = std::min(static_cast<int>(i) % row * side + side / 2, w - 1),
+                      y = std::min(static_cast<int>(i) / row * side + side / 2, h - 1);
+            if (masks && !view.mask.empty() && view.mask.at(x, y) < kObjectMask) continue;
+            ++all, covered += seen[i];
+        }
+    }
+    return {points.size(), all > 0 ? static_cast<double>(covered) / static_cast<double>(all) : 0};
+}
+
 std::string coverage_text(double points_per_pixel) {
     const double covered = covered_share(points_per_pixel);
     return str(short_figure(points_per_pixel), " start points per textured pixel: ",

@@ -52,6 +52,16 @@ struct MaskLook {
 };
 MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>& points);
 
+struct StartLook {
+    std::size_t points = 0;
+    /// Share of the photographs' cells, 64 along the longer side, that show a point. `masks`: of
+    /// the cells inside of masks.
+    double covered = 0;
+};
+StartLook look_at_start(const std::vector<View>& train,
+                        const std::vector<Vec3f>& points,
+                        bool masks);
+
 /// "0.67 start points per textured pixel: enough", against kSparseCloud and kCoveringCloud.
 std::string coverage_text(double points_per_pixel);
 

@@ -233,7 +233,7 @@ TEST_F(Cli, ScenesThatCannotBeRead) {
     spoiled_scene("no_points", [](const fs::path& scene) {
         std::ofstream(scene / "sparse/0/points3D.txt") << "# none\n";
     });
-    expect_refused("--scene no_points --set init.min_points=0", 3, "no initial points");
+    expect_refused("--scene no_points --set init.min_points=0", 3, "0 start points");
     spoiled_scene("nan_pose", [](const fs::path& scene) {
         std::string text = contents(scene / "sparse/0/images.txt");
         std::size_t at = text.find("\n1 ") + 1;  // ID QW QX QY QZ TX ...

@@ -134,9 +134,9 @@ TEST_F(OddScenes, FewPointsAndPointsInOnePlace) {
     copy_scene("points");
     const auto with = [&](const std::vector<std::string>& positions, const std::string& run) {
         write_points("points", positions);
-        return expect_trained(
-            "--scene points" + std::string(kSparse) + "--set init.min_points=0 --set tv.start=1",
-            run);
+        return expect_trained("--scene points" + std::string(kSparse) +
+                                  "--force --set init.min_points=0 --set tv.start=1",
+                              run);
     };
     EXPECT_TRUE(with({"0.1 0.1 0.1"}, "one").says("tensor voting is off: 1 of 1 splats"));
     with({"0.1 0.1 0.1", "0.2 0.1 0.1"}, "two");
@@ -147,19 +147,23 @@ TEST_F(OddScenes, FewPointsAndPointsInOnePlace) {
     with(line, "collinear");
     // More neighbours are asked for than there are splats.
     const Result few = expect_trained(
-        "--scene points" + std::string(kSparse) + "--set init.min_points=0 --set tv.k=512",
+        "--scene points" + std::string(kSparse) + "--force --set init.min_points=0 --set tv.k=512",
         "fewer_than_k");
     EXPECT_FALSE(few.says("tensor voting is off")) << few;
 
+    expect_refused("--scene points --views 0,1,2", 3, "50 start points on ");
+    expect_trained("--scene points --views 0,1,2 --force", "forced");
     write_points("points", {"nan 0 0", "0 inf 0", "1e10 0 0"});
-    expect_refused("--scene points --views 0,1,2", 3, "no initial points");
-    // Stereo does without, but has too little to go by in pictures this small.
-    const Result stereo = call("train",
+    for (const char* force : {"", " --force"})
+        expect_refused("--scene points --views 0,1,2" + std::string(force), 3, "E_FEW_POINTS");
+    // Stereo finds no surface in pictures this small.
+    const Result coarse = call("train",
                                "--device cpu --iterations 6 --scene points --views 0,1,2 --out "
-                               "by_stereo");
-    EXPECT_EQ(stereo.code, 3) << stereo;
-    EXPECT_TRUE(stereo.says("dropped 3 points: positions not finite")) << stereo;
-    EXPECT_TRUE(stereo.says("stereo found no surface")) << stereo;
+                               "coarse");
+    EXPECT_EQ(coarse.code, 0) << coarse;
+    EXPECT_TRUE(coarse.says("dropped 3 points: positions not finite")) << coarse;
+    EXPECT_TRUE(coarse.says("stereo found no surface")) << coarse;
+    EXPECT_TRUE(coarse.says("rough points (a coarse sweep of the views)")) << coarse;
 }
 
 TEST_F(OddScenes, ViewsThatDoNotOverlap) {

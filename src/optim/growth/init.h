@@ -19,6 +19,7 @@ struct InitOptions {
     int max_points = 1500000;
     float min_in_frame = 0.1f;
     std::string fixed_splats;
+    bool force = false;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -45,6 +46,9 @@ struct InitOptions {
         field("fixed_splats", fixed_splats,
               "file of fixed splats, in the frame of the scene, drawn with the trained ones and "
               "not saved with the run; empty: none");
+        field("force", force,
+              "train from fewer than 100 start points, or from points that cover less than 1 % of "
+              "the photographs");
     }
 };
 

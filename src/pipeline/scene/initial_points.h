@@ -3,10 +3,12 @@
 
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
+#include "mvs/stereo/coarse_cloud.h"
 #include "pipeline/priors/stereo_priors.h"
 #include "pipeline/scene/fixed_points.h"
 #include "pipeline/scene/mask_use.h"
 #include "pipeline/scene/stereo_cloud.h"
+#include "plan/decide.h"
 
 namespace tvsgs {
 
@@ -16,35 +18,60 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
            scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
 }
 
-/// Checks and thins a cloud from a file (scene.init_ply); replaces a cloud that is too small by a
-/// stereo cloud, if that has more points. Expects a scene without points outside of object masks
-/// (limit_to_object()), and removes such points from the stereo cloud. Compares measured points
-/// with the cloud and fills its gaps with them. Returns the stereo maps, from which priors can be
-/// made.
+/// Why the training cannot start from the scene's points; empty: it can.
+inline std::string start_fault(const RunOptions& options, const Scene& scene) {
+    return start_fault(
+        look_at_start(scene.train, scene.points.positions, stereo_options(options).use_masks));
+}
+
+/// Replaces the scene's points by stereo's, if these are more. Where the training cannot start from
+/// the result, replaces it by a coarse cloud, if that has more points. `stereo` gets the maps.
+inline void make_points(const DeviceChoice& device,
+                        const RunOptions& options,
+                        Scene& scene,
+                        StereoStart& stereo) {
+    const InitOptions& init = options.train.init;
+    const StereoOptions by = stereo_options(options);
+    const auto replace_by = [&](PointCloud cloud) {
+        limit_to_object(options.train.loss.photometric.masks, scene.train, cloud);
+        const bool more = cloud.positions.size() > scene.points.positions.size();
+        if (more) scene.points = std::move(cloud);
+        return more;
+    };
+    spdlog::debug("{} start points, {} needed (init.min_points): stereo makes more",
+                  grouped(scene.points.positions.size()), grouped(init.min_points));
+    std::string fault;
+    try {
+        StereoResult found =
+            stereo_cloud(device, scene.train, stereo.points, by, stereo_cap(init.max_points));
+        stereo.maps = std::move(found.maps);
+        replace_by(std::move(found.cloud));
+        fault = start_fault(options, scene);
+    } catch (const Error& error) {
+        if (error.code() != ExitCode::input) throw;
+        fault = error.what();
+    }
+    if (fault.empty()) return;
+    const bool coarse = !start_fault(options, scene).empty() &&
+                        replace_by(coarse_cloud(scene.train, stereo.points, by));
+    spdlog::warn("{}; training starts from {} {}", fault, grouped(scene.points.positions.size()),
+                 coarse ? "rough points (a coarse sweep of the views)" : "points of the scene");
+}
+
+/// Checks and thins a cloud from a file (scene.init_ply), or makes start points. Expects a scene
+/// without points outside of object masks (limit_to_object()), and removes such points from the
+/// stereo cloud. Compares measured points with the cloud and fills its gaps with them. Returns the
+/// stereo maps, from which priors can be made.
 inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
     const InitOptions& init = options.train.init;
     StereoStart stereo{scene.points.positions, {}};
-    const std::vector<Vec3f>& points = stereo.points;
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
     } else if (needs_stereo(options, scene)) {
-        spdlog::debug("{} start points, {} needed (init.min_points): stereo makes more",
-                      grouped(scene.points.positions.size()), grouped(init.min_points));
-        try {
-            StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
-                                              stereo_cap(init.max_points));
-            stereo.maps = std::move(found.maps);
-            limit_to_object(options.train.loss.photometric.masks, scene.train, found.cloud);
-            if (found.cloud.positions.size() > scene.points.positions.size())
-                scene.points = std::move(found.cloud);
-        } catch (const Error& error) {
-            if (error.code() != ExitCode::input || scene.points.positions.empty()) throw;
-            spdlog::warn("{}; training starts from the {} points of the scene", error.what(),
-                         grouped(scene.points.positions.size()));
-        }
+        make_points(device, options, scene, stereo);
     }
     if (!scene.fixed_voters.positions.empty()) {
         const std::string& file = options.train.tv.fixed_voters;

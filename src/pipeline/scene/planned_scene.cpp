@@ -82,6 +82,7 @@ public:
 private:
     void decide_settings(const ChosenViews& chosen);
     void hold_out_view(ChosenViews& chosen, bool resumed);
+    void require_start() const;
     void look();
     TrainingInputs training_inputs() const;
     MachineInputs machine_inputs() const;
@@ -109,9 +110,9 @@ private:
 
 void Preparation::read_views(bool resumed) {
     SceneOptions& o = options_.scene;
-    // Stereo starts from the points that the scene comes with.
     const std::string& fixed = options_.train.init.fixed_splats;
     if (!resumed && !fixed.empty()) choose_backbone(fixed, options_.train.render, config_.table);
+    // Stereo starts from the points that the scene comes with.
     if (resumed) o.need_points = !needs_of(options_.train.loss).view_maps.empty();
     o.points_required = !resumed && !planned_ && options_.train.init.min_points == 0;
     ChosenViews chosen = choose_views(o);
@@ -174,6 +175,16 @@ void Preparation::look() {
     plan_.note(look_);
 }
 
+void Preparation::require_start() const {
+    const std::string fault = start_fault(options_, scene_);
+    if (fault.empty() || (options_.train.init.force && !scene_.points.positions.empty())) return;
+    throw Error(ExitCode::input,
+                str("E_FEW_POINTS: ", options_.scene.path, ": ", fault,
+                    "\n  Photograph each part from three or more places, 10 to 30 degrees apart, "
+                    "sharp and well lit; surfaces need texture."
+                    "\n  Or give points with --init-ply; --force trains from the few."));
+}
+
 void Preparation::decide_cloud() {
     if (!planned_) return;
     look();
@@ -183,10 +194,7 @@ void Preparation::decide_cloud() {
 void Preparation::provide_cloud() {
     stereo_ = prepare_points(device_, options_, scene_);
     sky_ = provide_sky(config_, scene_, planned_ ? &plan_ : nullptr);
-    if (planned_ && scene_.points.positions.empty())
-        throw Error(ExitCode::input, str("E_NO_POINTS: ", options_.scene.path,
-                                         ": no initial points; pass --init-ply, or let stereo make "
-                                         "a cloud (init.min_points)"));
+    require_start();
     fit_near_plane(scene_, options_.train.render);
 }
 
