@@ -250,12 +250,13 @@ StartLook look_at_start(const std::vector<View>& train,
                         const std::vector<Vec3f>& points,
                         bool masks) {
     constexpr int kCells = 64;
+    const std::size_t stride = 1 + points.size() / 50000;  // enough for a few thousand cells
     std::size_t all = 0, covered = 0;
     for (const View& view : train) {
         const int w = view.camera.width_px, h = view.camera.height_px,
                   side = (std::max(w, h) + kCells - 1) / kCells, row = (w + side - 1) / side;
         std::vector<std::uint8_t> seen(static_cast<std::size_t>(row) * ((h + side - 1) / side));
-        for (const Sighting& s : sightings(view.camera, points, 1))
+        for (const Sighting& s : sightings(view.camera, points, stride))
             seen[static_cast<std::size_t>(s.y / side) * row + s.x / side] = 1;
         for (std::size_t i = 0; i < seen.size(); ++i) {
             const int x = std::min(static_cast<int>(i) % row * side + side / 2, w - 1),
