@@ -78,9 +78,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                    "JSON file that changes keys of the run; later files win")
         ->expected(1)
         ->take_all();
-    app.add_option("--set", settings, "key of the configuration, such as backbone=rade")
-        ->expected(1)
-        ->take_all();
+    app.add_option("--set", settings, "KEY=VALUE of the configuration")->expected(1)->take_all();
     CLI::Option* quiet = app.add_flag("--quiet", a.quiet, "warnings and errors only");
     app.add_flag("--verbose", a.verbose, "more detail")->excludes(quiet);
 

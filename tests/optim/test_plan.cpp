@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/device/threads.h"
 #include "plan/decide.h"
 #include "plan_scene.h"
 #include "training_scene.h"
@@ -390,6 +391,8 @@ TEST(Plan, ExposureByTheBrightnessOfSharedPoints) {
 }
 
 TEST(WhatIsOff, IsNeitherRunNorAllocated) {
+    const int threads = thread_count();
+    set_thread_count(2);  // each thread has scratch memory
     TrainOptions o = test::everything_on(12);
     const Scene scene = test::rendered_scene();
     const auto train_now = [&](const TrainOptions& options) {
@@ -431,6 +434,7 @@ TEST(WhatIsOff, IsNeitherRunNorAllocated) {
     EXPECT_GT(bytes(state_on, "tv.tensors"), 0u);
     EXPECT_GT(bytes(state_on, "densify.statistics"), 0u);
     EXPECT_GT(peak_on, 2 * peak_off) << "lists, votes and a second render";
+    set_thread_count(threads);
 }
 
 }  // namespace

@@ -197,10 +197,11 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
     const auto decided = [&](const std::string& flags, const std::string& line) {
         const Result made = call("synth", "--overwrite --out made --width 96 --height 72 " + flags);
         EXPECT_EQ(made.code, 0) << made;
-        const std::string plan = call("train",
-                                      "--scene made --eval --device cpu --plan --quiet --set "
-                                      "init.min_points=0")
-                                     .out;
+        const std::string plan =
+            call("train",
+                 "--scene made --eval --device cpu --plan --quiet --force --set "
+                 "init.min_points=0")
+                .out;
         const std::size_t at = plan.find("\n" + line);
         EXPECT_NE(at, std::string::npos) << line << " is not in\n" << plan;
         std::string choice;
