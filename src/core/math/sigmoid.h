@@ -18,5 +18,12 @@ TVSGS_HD Real sigmoid_slope(Real logit) {
     const Real e = std::exp(-std::abs(logit));
     return e / ((1 + e) * (1 + e));
 }
+/// Logit of a splat's opacity with `share` (0, 1] of its optical depth: 1 - (1 - opacity)^share.
+/// Two splats in one place whose shares sum to 1 transmit as much light as the original.
+inline double faded_logit(double logit, double share) {
+    // -log(1 - opacity), the optical depth; log(exp(x) - 1) = x where exp(x) overflows.
+    const double depth = share * (logit > 30 ? logit : std::log1p(std::exp(logit)));
+    return depth > 30 ? depth : std::log(std::expm1(depth));
+}
 
 }  // namespace tvsgs

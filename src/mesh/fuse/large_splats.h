@@ -1,4 +1,4 @@
-// Fades splats that are too large to be a measured surface.
+// Fades splats that are not a measured surface: too large, or without support by stereo.
 #pragma once
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/device/parallel.h"
+#include "core/math/sigmoid.h"
 #include "core/scene/camera.h"
 #include "core/scene/gaussians.h"
 
@@ -36,6 +37,22 @@ std::size_t fade_large(const std::vector<Camera>& cameras, float max_px, Gaussia
 std::size_t fade_large(const std::vector<Camera>& cameras,
                        float max_px,
                        Gaussians<Cuda>& gaussians);
+
+/// Reduces the optical depth of splats that stereo does not support to a `share` (0 to 1) of it.
+/// Returns their number; 0 if no splat has an uncertainty.
+template <class Device>
+std::size_t fade_unsupported(double share, Gaussians<Device>& g) {
+    const std::vector<float> uncertainty = to_host(g.uncertainty);
+    std::vector<float> logits = to_host(g.opacity_logits);
+    std::size_t faded = 0;
+    for (std::size_t i = 0; i < uncertainty.size(); ++i) {
+        if (uncertainty[i] > 0) continue;
+        ++faded;
+        logits[i] = share > 0 ? static_cast<float>(faded_logit(double{logits[i]}, share)) : kFaded;
+    }
+    if (faded > 0) copy(logits, g.opacity_logits);
+    return faded;
+}
 
 namespace detail {
 

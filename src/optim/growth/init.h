@@ -14,6 +14,7 @@ struct InitOptions {
     int min_points = 2000;
     bool use_normals = true, random_rotations = false, support = false;
     float max_extent = 0.05f;
+    int gap_px = 0;
     // For a cloud from a file:
     float thin = 0;
     int max_points = 1500000;
@@ -33,6 +34,8 @@ struct InitOptions {
         field("support", support,
               "use the distance to the nearest points of a stereo cloud as the uncertainty of a "
               "Gaussian's position, for loss.photometric.geometry and lr.supported_*");
+        field("gap_px", gap_px, {0, 100},
+              "pixels between the points that fill the gaps of a stereo cloud; 0: none");
         field("max_extent", max_extent, {0, 1e9},
               "largest standard deviation at the start, as a share of the longer side of a "
               "photograph that shows it; 0: no limit");

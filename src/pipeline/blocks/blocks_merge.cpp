@@ -33,12 +33,6 @@ Vec2<double> reach_on_ground(const GroundFrame& frame, Quatf quat, Vec3f log_sca
 
 }  // namespace
 
-double faded_logit(double logit, double share) {
-    // -log(1 - opacity), the optical depth; log(exp(x) - 1) = x where exp(x) overflows.
-    const double depth = share * (logit > 30 ? logit : std::log1p(std::exp(logit)));
-    return depth > 30 ? depth : std::log(std::expm1(depth));
-}
-
 BlockSplats part_of_block(const BlocksManifest& manifest,
                           const Gaussians<Cpu>& splats,
                           int block,
@@ -68,7 +62,7 @@ BlockSplats part_of_block(const BlocksManifest& manifest,
         part.far_reach +=
             block > 0 && 3 * std::exp(double{std::max({l.x, l.y, l.z})}) > manifest.margin;
     }
-    part.splats.filter.resize(0);
+    part.splats.filter.resize(0), part.splats.uncertainty.resize(0);
     keep_splats(places, part.splats);
     if (!places.empty()) sort_by_place(part.splats);
     return part;

@@ -10,10 +10,6 @@
 
 namespace tvsgs {
 
-/// Logit of a splat's opacity with `share` (0, 1] of its optical depth: 1 - (1 - opacity)^share.
-/// Two splats in one place whose shares sum to 1 transmit as much light as the original.
-double faded_logit(double logit, double share);
-
 struct BlockSplats {
     Gaussians<Cpu> splats;       // in Morton order
     std::int64_t own = 0;        // splats with their centre in the cell

@@ -24,7 +24,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
-          max_scale_px = 0, holes = 20, smooth = 0.5f;
+          max_scale_px = 0, unsupported = 1, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
@@ -54,6 +54,9 @@ struct MeshOptions {
         field("max_scale_px", max_scale_px, {0, 1e6},
               "skip splats with a larger standard deviation, in pixels of the camera with the "
               "finest ones there; 0: none");
+        field("unsupported", unsupported, {0, 1},
+              "share of the optical depth that splats without support by stereo keep, if the "
+              "splats were trained with init.support; 1: all of it");
         field("masks", masks, "drop pixels outside of the masks");
         field("evidence", evidence,
               "keep the components that views confirm, whatever their size, and remove unseen "
@@ -146,19 +149,27 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     MeshSummary counts;
     const auto backbone = make_backbone<Device>(train.backbone, train.render);
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
-    Gaussians<Device> small;
-    std::string too_large;
+    Gaussians<Device> meshed;
+    std::string none_left;
+    if (options.max_scale_px > 0 || options.unsupported < 1) copy(all, meshed);
+    if (options.unsupported < 1) {
+        const std::size_t faded = fade_unsupported(double{options.unsupported}, meshed);
+        spdlog::debug("Faded {} of {} splats without support by stereo (mesh.unsupported)", faded,
+                      all.size());
+        if (faded == all.means.size())
+            none_left =
+                str("stereo supports none of ", faded, " splats; set mesh.unsupported to 1");
+    }
     if (options.max_scale_px > 0) {
-        copy(all, small);
         const std::size_t faded =
-            fade_large(detail::cameras_of(views), options.max_scale_px, small);
+            fade_large(detail::cameras_of(views), options.max_scale_px, meshed);
         spdlog::debug("Skipped {} of {} splats larger than {} pixels (mesh.max_scale_px)", faded,
                       all.size(), options.max_scale_px);
-        if (faded == all.means.size())
-            too_large = str("all ", faded, " splats are larger than ", options.max_scale_px,
+        if (faded == all.means.size() && none_left.empty())
+            none_left = str("all ", faded, " splats are larger than ", options.max_scale_px,
                             " pixels (mesh.max_scale_px); raise it, or set it to 0");
     }
-    const Gaussians<Device>& gaussians = options.max_scale_px > 0 ? small : all;
+    const Gaussians<Device>& gaussians = meshed.size() > 0 ? meshed : all;
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
     if (options.depth_max == 0 || options.meshes_background())
@@ -178,7 +189,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const std::string simplified = simplify_and_log(found.mesh, cameras, options.simplify);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence || mesher->is_closed()) count_views(found.mesh, evidence);
-    counts.why_empty = !too_large.empty()        ? too_large
+    counts.why_empty = !none_left.empty()        ? none_left
                        : found.why_empty.empty() ? emptied
                                                  : found.why_empty;
     if (!summary && !counts.why_empty.empty()) spdlog::warn("Empty mesh: {}", counts.why_empty);

@@ -82,45 +82,6 @@ std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<fl
     return out;
 }
 
-/// Raises the confidences of measured pixels above kPlanarConfidence, and fills the other pixels.
-StereoMaps completed(const StereoMaps& maps, const View& view) {
-    const std::vector<float> grey = grey_at(view, maps.camera);
-    const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
-    StereoMaps out = maps;
-    out.normals = smoothed_normals(maps, grey);
-    std::vector<float> costs(maps.depth.size(), kWorstCost);
-    for (std::size_t i = 0; i < maps.depth.size(); ++i) {
-        if (!(maps.depth[i] > 0)) continue;
-        costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below the limit of planar_prior()
-        out.confidence[i] =
-            kPlanarConfidence + (1 - kPlanarConfidence) * std::max(maps.confidence[i], 0.01f);
-    }
-
-    std::vector<SurfacePlane> planes;
-    for (std::size_t i = 0; i < maps.depth.size(); ++i)
-        planes.push_back({maps.normals[i], maps.depth[i]});
-    const auto prior = planar_prior(maps.camera, {planes.data(), planes.size()},
-                                    {costs.data(), costs.size()}, mask);
-    for (std::size_t i = 0; i < prior.size(); ++i) {
-        if (maps.depth[i] > 0 || !(prior[i].depth > 0) || !(mask.empty() || mask[i] >= kObjectMask))
-            continue;
-        const int at = static_cast<int>(i), w = maps.camera.width_px;
-        if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >
-              kLeastFacing))
-            continue;
-        out.depth[i] = prior[i].depth, out.normals[i] = prior[i].normal;
-        out.confidence[i] = kPlanarConfidence;
-    }
-    const std::vector<float> filled = complete_depth(
-        {maps.camera.width_px, maps.camera.height_px, out.depth, out.confidence, grey, mask});
-    for (std::size_t i = 0; i < filled.size(); ++i) {
-        if (maps.depth[i] > 0) continue;  // keep measured depths
-        out.depth[i] = filled[i];
-        if (!(out.confidence[i] > 0) && filled[i] > 0) out.confidence[i] = kFillConfidence;
-    }
-    return out;
-}
-
 /// Resamples to the photograph's size: each depth lies on the plane of the nearest stereo pixel, so
 /// surfaces have no steps.
 StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
@@ -165,6 +126,44 @@ std::vector<float> order_of(const StereoMaps& maps) {
 
 }  // namespace
 
+StereoMaps completed_maps(const StereoMaps& maps, const View& view) {
+    const std::vector<float> grey = grey_at(view, maps.camera);
+    const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
+    StereoMaps out = maps;
+    out.normals = smoothed_normals(maps, grey);
+    std::vector<float> costs(maps.depth.size(), kWorstCost);
+    for (std::size_t i = 0; i < maps.depth.size(); ++i) {
+        if (!(maps.depth[i] > 0)) continue;
+        costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below the limit of planar_prior()
+        out.confidence[i] =
+            kPlanarConfidence + (1 - kPlanarConfidence) * std::max(maps.confidence[i], 0.01f);
+    }
+
+    std::vector<SurfacePlane> planes;
+    for (std::size_t i = 0; i < maps.depth.size(); ++i)
+        planes.push_back({maps.normals[i], maps.depth[i]});
+    const auto prior = planar_prior(maps.camera, {planes.data(), planes.size()},
+                                    {costs.data(), costs.size()}, mask);
+    for (std::size_t i = 0; i < prior.size(); ++i) {
+        if (maps.depth[i] > 0 || !(prior[i].depth > 0) || !(mask.empty() || mask[i] >= kObjectMask))
+            continue;
+        const int at = static_cast<int>(i), w = maps.camera.width_px;
+        if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >
+              kLeastFacing))
+            continue;
+        out.depth[i] = prior[i].depth, out.normals[i] = prior[i].normal;
+        out.confidence[i] = kPlanarConfidence;
+    }
+    const std::vector<float> filled = complete_depth(
+        {maps.camera.width_px, maps.camera.height_px, out.depth, out.confidence, grey, mask});
+    for (std::size_t i = 0; i < filled.size(); ++i) {
+        if (maps.depth[i] > 0) continue;  // keep measured depths
+        out.depth[i] = filled[i];
+        if (!(out.confidence[i] > 0) && filled[i] > 0) out.confidence[i] = kFillConfidence;
+    }
+    return out;
+}
+
 void add_stereo_priors(const std::vector<StereoMaps>& stereo,
                        const MapNames& wanted,
                        std::vector<View>& views) {
@@ -175,7 +174,7 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
         if (names.empty() ||
             std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
             continue;
-        StereoMaps maps = resized(completed(stereo[v], view), view.camera);
+        StereoMaps maps = resized(completed_maps(stereo[v], view), view.camera);
         // A confidence without its depth belongs to other data.
         if (lacks(view, prior_map::kDepth))
             std::erase_if(view.maps,

@@ -14,11 +14,15 @@ namespace tvsgs {
 // Measured pixels have higher confidences; planes between them have more than filled pixels.
 inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
 
+/// Fills the pixels of stereo maps that have no depth, and raises the confidences of measured
+/// pixels above kPlanarConfidence. Filled pixels lie on planes between measured ones
+/// (kPlanarConfidence), or continue their depth without a normal (kFillConfidence).
+StereoMaps completed_maps(const StereoMaps& maps, const View& view);
+
 /// Fills View::maps with the `wanted` maps of core/scene/prior_maps.h, at the size of the
-/// photographs. `stereo`: maps of the same views. Depth is measured (confidence above
-/// kPlanarConfidence), on a plane between measured pixels (kPlanarConfidence), or filled in
-/// (kFillConfidence, without a normal). Keeps maps that a view already has: depth together with its
-/// order and confidence, and normals. A view without a measured pixel gets none.
+/// photographs, from completed_maps(). `stereo`: maps of the same views. Keeps maps that a view
+/// already has: depth together with its order and confidence, and normals. A view without a
+/// measured pixel gets none.
 void add_stereo_priors(const std::vector<StereoMaps>& stereo,
                        const MapNames& wanted,
                        std::vector<View>& views);

@@ -248,8 +248,9 @@ void read_fixed_splats(const RunOptions& options, Scene& scene) {
     const std::string& file = options.train.init.fixed_splats;
     if (file.empty()) return;
     scene.fixed_splats = with_context("reading init.fixed_splats", [&] {
-        return std::make_shared<const Gaussians<Cpu>>(
-            read_splats(file, scene.origin, options.train));
+        Gaussians<Cpu> splats = read_splats(file, scene.origin, options.train);
+        splats.uncertainty.resize(0);  // they do not train
+        return std::make_shared<const Gaussians<Cpu>>(std::move(splats));
     });
     spdlog::info("{}: draws {} fixed splats", file, grouped(scene.fixed_splats->size()));
 }

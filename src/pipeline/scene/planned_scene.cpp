@@ -1,6 +1,8 @@
 #include "pipeline/scene/planned_scene.h"
 
+#include "core/grouped.h"
 #include "io/config/built_in_configs.h"
+#include "pipeline/priors/gap_points.h"
 #include "pipeline/priors/view_maps.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/scene/exposures.h"
@@ -72,6 +74,8 @@ public:
     void decide_cloud();
     void provide_cloud();
     void decide_training();
+    void provide_gap_points();
+    void decide_machines();
     void provide_training(bool priors);
     void provide_resumed(const ResumePoint& point);  // in place of rounds 2 and 3
     Resolved result() { return {std::move(scene_), options_, std::move(plan_)}; }
@@ -218,7 +222,24 @@ void Preparation::decide_training() {
     }
     apply(drop_thickness_losses(options_.train));
     check_consistency(options_.train);
-    apply(decide_machines(scene_, options_.train, machine_inputs()));  // last: it counts all others
+}
+
+/// Fills gaps of a cloud that stereo has made.
+void Preparation::provide_gap_points() {
+    const int spacing_px = options_.train.init.gap_px;
+    if (spacing_px == 0) return;
+    if (scene_.points.confidences.empty() || stereo_.maps.empty())
+        return spdlog::warn("init.gap_px fills no gaps, because stereo did not make the cloud");
+    const std::size_t added =
+        add_gap_points(stereo_.maps, scene_.train, sky_, spacing_px, scene_.points);
+    limit_to_object(photometric_.masks, scene_.train, scene_.points);
+    spdlog::info("{} points fill gaps of the start cloud", grouped(added));
+}
+
+/// Comes last: it counts the results of all other decisions.
+void Preparation::decide_machines() {
+    if (!planned_) return;
+    apply(tvsgs::decide_machines(scene_, options_.train, machine_inputs()));
     // config.json has the decisions: a run that repeats it must not decide again.
     config_.table.set("plan.enabled", "false", kPlanSource);
 }
@@ -277,6 +298,8 @@ Resolved resolve(const DeviceChoice& device, const Configuration& asked, bool pl
     }
     run.provide_cloud();
     run.decide_training();
+    run.provide_gap_points();
+    run.decide_machines();
     run.provide_training(!plan_only);
     return run.result();
 }

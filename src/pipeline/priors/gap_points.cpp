@@ -1,0 +1,95 @@
+#include "pipeline/priors/gap_points.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/priors/stereo_priors.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kBehind = 1.05f;       // a point covers depths up to this multiple of its own
+constexpr float kLeastFacing = 0.15f;  // cosine between ray and normal; depth edges have less
+
+/// Depth of the nearest point at each pixel or beside it; 0: none.
+std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>& points) {
+    const int w = camera.width_px, h = camera.height_px;
+    std::vector<float> nearest(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+    for (const Vec3f& point : points) {
+        const Vec3f p = camera.camera_from_world * point;
+        if (!(p.z > 0)) continue;
+        const float u = std::floor(camera.fx_px * p.x / p.z + camera.cx_px),
+                    v = std::floor(camera.fy_px * p.y / p.z + camera.cy_px);
+        if (!(u >= -1 && u <= static_cast<float>(w) && v >= -1 && v <= static_cast<float>(h)))
+            continue;
+        const int x = static_cast<int>(u), y = static_cast<int>(v);
+        for (int b = std::max(y - 1, 0); b <= std::min(y + 1, h - 1); ++b)
+            for (int a = std::max(x - 1, 0); a <= std::min(x + 1, w - 1); ++a) {
+                float& depth = nearest[static_cast<std::size_t>(b * w + a)];
+                if (!(depth > 0) || p.z < depth) depth = p.z;
+            }
+    }
+    return nearest;
+}
+
+/// Normal of the depth map at a pixel, towards the camera; 0 at edges of the depth and of the map.
+Vec3f depth_normal(const StereoMaps& maps, int x, int y) {
+    const int w = maps.camera.width_px;
+    if (x == 0 || y == 0 || x == w - 1 || y == maps.camera.height_px - 1) return {};
+    const auto at = [&](int a, int b) {
+        return maps.depth[static_cast<std::size_t>(b * w + a)] * pixel_ray(maps.camera, a, b);
+    };
+    const Vec3f n = cross(at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)),
+                ray = normalize(pixel_ray(maps.camera, x, y));
+    if (!(norm(n) > 0)) return {};
+    const Vec3f facing = dot(n, ray) > 0 ? -normalize(n) : normalize(n);
+    return -dot(facing, ray) > kLeastFacing ? facing : Vec3f{};
+}
+
+bool has_depth(const StereoMaps& maps) {
+    return std::any_of(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; });
+}
+
+}  // namespace
+
+std::size_t add_gap_points(const std::vector<StereoMaps>& stereo,
+                           const std::vector<View>& views,
+                           const SkyDetection& sky,
+                           int spacing_px,
+                           PointCloud& cloud) {
+    const std::size_t before = cloud.positions.size();
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        if (!has_depth(stereo[v])) continue;
+        const StereoMaps maps = completed_maps(stereo[v], views[v]);
+        const Camera& camera = maps.camera;
+        const Rigid3f& pose = camera.camera_from_world;
+        const int w = camera.width_px, h = camera.height_px;
+        const std::vector<float> covered = covered_depths(camera, cloud.positions);
+        const ImageU8& photo = views[v].photo;
+        for (int y = spacing_px / 2; y < h; y += spacing_px)
+            for (int x = spacing_px / 2; x < w; x += spacing_px) {
+                const auto i = static_cast<std::size_t>(y * w + x);
+                const float z = maps.depth[i];
+                if (!(z > 0) || (covered[i] > 0 && z < kBehind * covered[i])) continue;
+                // Pixel of the photograph, which may be finer than the maps.
+                const int px = (2 * x + 1) * photo.width / (2 * w),
+                          py = (2 * y + 1) * photo.height / (2 * h);
+                if (!sky.views.empty() && sky.views[v].is_far(px, py)) continue;
+                const bool planar = norm(maps.normals[i]) > 0.5f;
+                const Vec3f normal = planar ? maps.normals[i] : depth_normal(maps, x, y);
+                if (!(norm(normal) > 0)) continue;
+                const auto at = static_cast<std::size_t>(3 * (py * photo.width + px));
+                const auto level = [&](std::size_t c) {
+                    return static_cast<float>(photo.pixels[at + c]) / 255;
+                };
+                cloud.positions.push_back(
+                    transpose_times(pose.R, z * pixel_ray(camera, x, y) - pose.t));
+                cloud.normals.push_back(transpose_times(pose.R, normal));
+                cloud.colors.push_back({level(0), level(1), level(2)});
+                cloud.confidences.push_back(0);
+            }
+    }
+    return cloud.positions.size() - before;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,24 @@
+// Fills the gaps of a stereo cloud, so that pictures have no holes.  [docs/method/support.md#gaps]
+#pragma once
+
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "mvs/stereo/patch_match.h"
+#include "optim/photo/sky.h"
+
+namespace tvsgs {
+
+/// Adds points of confidence 0 to the cloud: one per `spacing_px` x `spacing_px` pixels of the
+/// stereo maps that no point covers. A point covers a pixel if it projects to at most one pixel
+/// away and lies at most 5 % behind. The points lie at the completed depth (completed_maps()), with
+/// its normal and the photograph's colour. `stereo`: of the same views; a view without a measured
+/// pixel adds nothing. `sky`: pixels labelled far get no point; without views: unknown. Returns the
+/// number of added points.
+std::size_t add_gap_points(const std::vector<StereoMaps>& stereo,
+                           const std::vector<View>& views,
+                           const SkyDetection& sky,
+                           int spacing_px,
+                           PointCloud& cloud);
+
+}  // namespace tvsgs
