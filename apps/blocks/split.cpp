@@ -109,8 +109,8 @@ std::string block_config(const RunOptions& options,
     block.add_to(table);
     table.read_text("BLOCKS/config.json", base);
     const std::string by = "tvsgs-blocks split";
-    for (const char* key : {"scene.split", "scene.views", "scene.held_out", "scene.test_list",
-                            "scene.train_list", "scene.init_ply"})
+    for (const char* key :
+         {"scene.split", "scene.views", "scene.test_list", "scene.train_list", "scene.init_ply"})
         table.set(key, "", by);
     table.set("scene.num_views", "0", by), table.set("scene.eval", "false", by);
     table.set("cameras.refine", "false", by);

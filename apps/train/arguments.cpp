@@ -74,8 +74,11 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
                      group);
     flags.add("--time-budget", "plan.time_budget",
               "shorten the schedule to so many seconds of training; 0: no limit", group);
-    flags.add("--until", "plan.until",
-              "iterations; or converged: stop when test photographs stop improving", group);
+    flags.add(
+        "--until", "plan.until",
+        "iterations; or converged: stop when test photographs stop improving or, without any, "
+        "when the surface stands still",
+        group);
     app.add_flag("--deterministic", deterministic,
                  "accepted for scripts: every run repeats bit for bit")
         ->group(group);

@@ -25,7 +25,7 @@ struct PlanOptions {
         field("enabled", enabled, "choose settings from the scene for keys that you do not set");
         field.choice("until", until, {"iterations", "converged"},
                      "end of the training; iterations: all iterations; converged: stop when test "
-                     "photographs stop improving");
+                     "photographs stop improving or, without any, when the surface stands still");
         field("time_budget", time_budget, {0, 1e9},
               "shorten the schedule to so many seconds of training; 0: no limit");
         field("coverage", coverage, {-1, 1e3},

@@ -74,7 +74,6 @@ TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
              {R"("scene": {"path": "s", "train_list": "s/a.txt"})",
               R"("scene": {"path": "s", "train_list": "s/b.txt"})"},
              {R"("scene": {"test_list": "a.txt"})", R"("scene": {"test_list": "b.txt"})"},
-             {R"("scene": {"held_out": "1.png"})", R"("scene": {"held_out": "2.png"})"},
              {R"("scene": {"masks": ""})", R"("scene": {"masks": "other"})"},
              {R"("scene": {"images": "images"})", R"("scene": {"images": "images_4"})"},
              {R"("scene": {"path": "s", "init_ply": "s/init/a.ply"})",

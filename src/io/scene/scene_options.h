@@ -26,10 +26,9 @@ struct SceneOptions {
     float grey_scale = 1;  // training size / size of the grey images; 1: use the photos
     std::string split;     // --split NAME of splits.json
     std::string train_list, test_list;  // --train-list, --test-list: one image name per line
-    std::string views;     // --views I,J,K: indices into the sorted views, training only
-    std::string held_out;  // a training view used as a test view
-    int num_views = 0;     // --num-views: number of training views, evenly spaced; 0: all
-    bool eval = false;     // --eval: every test_every-th view is a test view
+    std::string views;  // --views I,J,K: indices into the sorted views, training only
+    int num_views = 0;  // --num-views: number of training views, evenly spaced; 0: all
+    bool eval = false;  // --eval: every test_every-th view is a test view
     int test_every = 8;
     std::string masks;     // --masks: folder; empty: mask/, masks/ or the alpha channel
     std::string init_ply;  // --init-ply: initial cloud instead of the model's points
@@ -67,9 +66,6 @@ struct SceneOptions {
         field("test_list", test_list, "file of test images, one per line; empty: none");
         field("views", views,
               "training views by index into the sorted images, such as 23,24,33; empty: all");
-        field("held_out", held_out,
-              "training image to use as the test view; empty: --until converged chooses one if "
-              "there are no test views");
         field("num_views", num_views, {0, 1e6}, "use N evenly spaced training views; 0: all");
         field("eval", eval, "make every test_every-th view a test view");
         field("test_every", test_every, {2, 1e6}, "every Nth view is a test view, with scene.eval");

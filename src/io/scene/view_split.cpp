@@ -223,10 +223,6 @@ ViewSplit split_views(const SceneOptions& options,
             split.train = chosen;
         }
     }
-    if (!options.held_out.empty()) {
-        const int i = NameFinder(names).find(options.held_out, "scene.held_out");
-        if (std::erase(split.train, i) > 0) split.test.push_back(i), sort_unique(split.test);
-    }
     if (static_cast<int>(split.train.size()) < options.min_train_views)
         throw input_error("E_TOO_FEW_VIEWS: ", options.path, ": ", split.train.size(),
                           " training views; expected at least ", options.min_train_views,

@@ -10,6 +10,7 @@
 #include "pipeline/run/progress.h"
 #include "pipeline/run/refined_cameras.h"
 #include "pipeline/run/signals.h"
+#include "pipeline/run/surface_motion.h"
 #include "pipeline/run/train_evaluation.h"
 #include "pipeline/run/view_evaluation.h"
 #include "pipeline/scene/exposures.h"
@@ -17,10 +18,14 @@
 namespace tvsgs {
 namespace {
 
+/// Whether test views decide when the training ends.
+bool ends_by_score(const SessionInputs& in) {
+    return in.options.plan.until == Until::converged && !in.scene.test.empty();
+}
+
 /// Whether an evaluation may be due after a step.
-bool evaluates_while_training(const RunOptions& options) {
-    return !options.eval.at.empty() || options.eval.every > 0 ||
-           options.plan.until == Until::converged;
+bool evaluates_while_training(const SessionInputs& in) {
+    return !in.options.eval.at.empty() || in.options.eval.every > 0 || ends_by_score(in);
 }
 
 template <class Device>
@@ -70,11 +75,12 @@ private:
     CheckpointWriter checkpoints_;
     LiveSnapshots live_;
     TimeBudget budget_;
-    ScoreWatch scores_;                        // of the evaluations during the training
-    FixedSplats<Device> fixed_;                // drawn beside the trained ones
-    std::optional<CameraRefinement> refined_;  // the cameras' present poses; none: as given
-    HeldExposures exposures_;                  // of the training views; empty: none
-    int done_;                                 // iterations
+    ScoreWatch scores_;                            // of the evaluations during the training
+    std::optional<SurfaceWatch<Device>> surface_;  // ends the training; none: iterations or scores
+    FixedSplats<Device> fixed_;                    // drawn beside the trained ones
+    std::optional<CameraRefinement> refined_;      // the cameras' present poses; none: as given
+    HeldExposures exposures_;                      // of the training views; empty: none
+    int done_;                                     // iterations
     SharedState state_;     // the next train() starts there; null: from the scene
     bool fit_now_ = false;  // the training pauses for a new schedule
 };
@@ -89,11 +95,13 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState star
       checkpoints_(run.path(), config(), inputs.scene),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
-      scores_(
-          inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
+      scores_(inputs.options.eval, ends_by_score(inputs), progress_.seconds()),
       fixed_(inputs.scene.fixed_splats, inputs.training.model.sh_degree),
       done_(inputs.resume.done()),
-      state_(std::move(start)) {}
+      state_(std::move(start)) {
+    if (in_.options.plan.until == Until::converged && !ends_by_score(in_))
+        surface_.emplace(in_.scene.train, training_);
+}
 
 template <class Device>
 void TrainSession<Device>::run() {
@@ -174,7 +182,8 @@ void TrainSession<Device>::log_scored_pixels() const {
 template <class Device>
 void TrainSession<Device>::after_step(int step, const Gaussians<Device>& splats) {
     done_ = step;
-    if (evaluates_while_training(in_.options)) evaluate_if_due(step, splats);
+    if (surface_) surface_->look(step, fixed_.join(splats));
+    if (evaluates_while_training(in_)) evaluate_if_due(step, splats);
     if (!live_.due()) return;
     Gaussians<Cpu> now;
     copy(splats, now);
@@ -214,7 +223,8 @@ bool TrainSession<Device>::save_due(int done) const {
 
 template <class Device>
 bool TrainSession<Device>::stop_requested() {
-    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over();
+    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over() ||
+                      (surface_ && surface_->still());
     fit_now_ = !stop && budget_.due(done_, own_seconds());
     return stop || fit_now_;
 }
@@ -306,6 +316,12 @@ void TrainSession<Device>::log_end(double seconds) {
     if (convergence.over())
         spdlog::info("Converged: the best PSNR, {:.2f} dB, was at {:.1f} s; stopped at {:.1f} s",
                      convergence.best(), convergence.best_at(), seconds);
+    else if (surface_ && surface_->still())
+        spdlog::info(
+            "Converged: in the last {} iterations half of the surface moved by less than {:.2g} px "
+            "and 90 % of it by less than {:.2g} px; stopped after {} iterations, {:.1f} s",
+            SurfaceWatch<Device>::kEvery, surface_->motion().median_px, surface_->motion().p90_px,
+            grouped(done_), seconds);
     else if (done_ < training_.iterations) {
         spdlog::warn("Stopped after {} of {} iterations; the splats are in {}", grouped(done_),
                      grouped(training_.iterations), run_.path());

@@ -85,7 +85,6 @@ public:
 
 private:
     void decide_settings(const ChosenViews& chosen);
-    void hold_out_view(ChosenViews& chosen, bool resumed);
     void require_start() const;
     void look();
     TrainingInputs training_inputs() const;
@@ -119,9 +118,8 @@ void Preparation::read_views(bool resumed) {
     // Stereo starts from the points that the scene comes with.
     if (resumed) o.need_points = !needs_of(options_.train.loss).view_maps.empty();
     o.points_required = !resumed && !planned_ && options_.train.init.min_points == 0;
-    ChosenViews chosen = choose_views(o);
+    const ChosenViews chosen = choose_views(o);
     if (planned_) decide_settings(chosen);
-    hold_out_view(chosen, resumed);
 
     scene_ = load_scene(chosen, o);
     if (!resumed) check_photographs(scene_.train);
@@ -149,27 +147,6 @@ void Preparation::decide_settings(const ChosenViews& chosen) {
         apply(drop_thickness_losses(train));
         check_consistency(train);
     });
-}
-
-/// --until converged scores views that do not train. Without test views it holds one out. That view
-/// brings no points, so a resumed run, which knows it from the start, reads the same points.
-void Preparation::hold_out_view(ChosenViews& chosen, bool resumed) {
-    std::vector<int>& train = chosen.split.train;
-    if (options_.plan.until != Until::converged || !chosen.split.test.empty()) return;
-    constexpr std::size_t kFew = 6;
-    if (resumed || train.size() < kFew)
-        throw Error(ExitCode::usage,
-                    str("--until converged: ", train.size(), " training views",
-                        resumed ? ", of which the run has seen all," : "",
-                        " and no test views; expected test views (--eval, --split or --test-list), "
-                        "or in a new run ",
-                        kFew, " training views, of which one is held out"));
-    const auto middle = train.begin() + static_cast<std::ptrdiff_t>(train.size() / 2);
-    const std::string& name = chosen.layout.model.images[static_cast<std::size_t>(*middle)].name;
-    spdlog::info("--until converged: held out {} as a test photograph", name);
-    config_.table.set("scene.held_out", name, "--until converged");
-    chosen.split.test.push_back(*middle);
-    train.erase(middle);
 }
 
 // Round 2: the start points.
