@@ -1,11 +1,6 @@
 // tvsgs-blocks run: trains one block with tvsgs-train and writes done.json when it has finished.
 #include "apps/blocks/run.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <filesystem>
 #include <memory>
 
@@ -24,15 +19,6 @@
 namespace tvsgs {
 
 namespace fs = std::filesystem;
-
-BlockLock::BlockLock(const std::string& folder)
-    : lock_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    held_ = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-}
-
-BlockLock::~BlockLock() {
-    if (lock_ >= 0) close(lock_);
-}
 
 void run_train(const std::vector<std::string>& words) {
     std::vector<std::string> copied = words;
@@ -135,7 +121,7 @@ int run_block(const RunArguments& a, bool quiet) {
                                          manifest.count()));
     const std::string folder = manifest.block_folder(a.block), run = folder + "/run";
     const BlockInputs inputs = read_block_inputs(manifest, a.block);
-    const BlockLock lock(folder);
+    const FolderLock lock(folder);
     if (lock.held())
         throw Error(ExitCode::usage, str("block ", a.block, ": another tvsgs-blocks trains it in ",
                                          folder, "; wait for it"));

@@ -111,7 +111,7 @@ private:
 int run_all_blocks(const RunArguments& a) {
     const BlocksManifest manifest =
         read_manifest(fs::absolute(a.folder).lexically_normal().string());
-    const BlockLock lock(manifest.folder);
+    const FolderLock lock(manifest.folder);
     if (lock.held())
         throw Error(
             ExitCode::usage,

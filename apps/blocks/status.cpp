@@ -49,7 +49,7 @@ BlockState state_of(const BlocksManifest& manifest, int block) {
     }
     s.iteration = last_iteration(folder + "/run/log.jsonl");
     const std::string at = str("iteration ", s.iteration);
-    if (BlockLock(folder).held())
+    if (FolderLock(folder).held())
         s.state = "training", s.text = at;
     else if (s.iteration > 0)
         s.state = "stopped", s.text = at;

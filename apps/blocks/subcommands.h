@@ -7,6 +7,7 @@
 
 #include "apps/common/command_line.h"
 #include "pipeline/blocks/blocks_folder.h"
+#include "pipeline/run/folder_lock.h"
 
 namespace tvsgs {
 
@@ -26,21 +27,6 @@ inline void add_blocks_folder(CLI::App& command, std::string& folder) {
     command.add_option("folder,-b,--blocks", folder, "folder written by tvsgs-blocks split")
         ->required();
 }
-
-/// Locks a block's folder for this process.
-class BlockLock {
-public:
-    /// held() is false if another process has the lock.
-    explicit BlockLock(const std::string& folder);
-    BlockLock(const BlockLock&) = delete;
-    BlockLock& operator=(const BlockLock&) = delete;
-    ~BlockLock();
-    bool held() const { return held_; }
-
-private:
-    int lock_ = -1;
-    bool held_ = false;
-};
 
 /// Runs tvsgs-train in this process. Throws what it throws.
 void run_train(const std::vector<std::string>& words);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <csignal>
-#include <cstring>
 #include <deque>
 #include <memory>
 #include <optional>
@@ -17,8 +16,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kTick = 200;             // ms between checks of signals and processes
-constexpr std::size_t kLastLines = 3;  // last lines of a failed process that our message quotes
+constexpr int kTick = 200;  // ms between checks of signals and processes
 
 /// The process of a block and its output.
 class Run {
@@ -38,9 +36,7 @@ public:
         process_.read_lines([&](std::string_view line) {
             if (read_report(line, schedule)) return;
             log_.add(line);
-            const bool of_error = !last_lines_.empty() && last_lines_.front().starts_with("error:");
-            if (line.starts_with("error:") || !of_error) last_lines_.clear();
-            if (!line.empty() && last_lines_.size() < kLastLines) last_lines_.emplace_back(line);
+            message_.add(line);
         });
     }
 
@@ -49,11 +45,7 @@ public:
                 pace_.left(job_.iterations)};
     }
 
-    std::string last_lines() const {
-        std::string text;
-        for (const std::string& line : last_lines_) text += (text.empty() ? "" : "\n") + line;
-        return text;
-    }
+    std::string message() const { return message_.text(); }
 
 private:
     bool read_report(std::string_view line, const BlockSchedule& schedule) {
@@ -73,7 +65,7 @@ private:
     LineLog log_;
     double begin_, iteration_ = 0;
     ProgressRate pace_;
-    std::vector<std::string> last_lines_;  // its error message, or one line
+    LastMessage message_;
     ChildProcess process_;
 };
 
@@ -87,12 +79,6 @@ struct Waiting {
     BlockJob job;
     std::string failed_on;  // place of the first failure
 };
-
-std::string ending_text(int code) {
-    return code > 128 ? str("ended by signal ", code - 128, " (", strsignal(code - 128), ")",
-                            code == 128 + SIGKILL ? ", often out of memory" : "")
-                      : str("exit code ", code);
-}
 
 class Scheduler {
 public:
@@ -175,7 +161,7 @@ private:
         try {
             code = place.run->process().exit_code();
             place.run->read(schedule_);
-            lines = place.run->last_lines();
+            lines = place.run->message();
         } catch (const Error& error) {  // the log cannot be written
             code = static_cast<int>(error.code()), lines = error.what();
         }

@@ -116,6 +116,26 @@ void ChildProcess::send(int signal) const {
     if (!code_) kill(pid_, signal);
 }
 
+std::string ending_text(int code) {
+    return code > 128 ? str("ended by signal ", code - 128, " (", strsignal(code - 128), ")",
+                            code == 128 + SIGKILL ? ", often out of memory" : "")
+                      : str("exit code ", code);
+}
+
+void LastMessage::add(std::string_view line) {
+    constexpr std::size_t kMost = 3;  // lines
+    if (line.empty()) return;
+    const bool of_error = !lines_.empty() && lines_.front().starts_with("error:");
+    if (line.starts_with("error:") || !of_error) lines_.clear();
+    if (lines_.size() < kMost) lines_.emplace_back(line);
+}
+
+std::string LastMessage::text() const {
+    std::string text;
+    for (const std::string& line : lines_) text += (text.empty() ? "" : "\n") + line;
+    return text;
+}
+
 LineLog::LineLog(std::string path)
     : path_(std::move(path)),
       file_(open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666)) {

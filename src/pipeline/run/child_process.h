@@ -48,6 +48,20 @@ private:
     std::optional<int> code_;
 };
 
+/// "exit code 3", or "ended by signal 9 (Killed), often out of memory".
+std::string ending_text(int code);
+
+/// The last message of a program, from the lines that it wrote: the first lines of its last error,
+/// or its last line.
+class LastMessage {
+public:
+    void add(std::string_view line);
+    std::string text() const;  // lines with '\n' between them
+
+private:
+    std::vector<std::string> lines_;
+};
+
 /// Appends lines to a file. Throws Error(ExitCode::io) where it cannot be written.
 class LineLog {
 public:
