@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/prepare/photo_files.h"
 #include "io/images/exif.h"
 
 namespace tvsgs::prepare {
@@ -26,12 +27,9 @@ struct CameraGroup {
 
 enum class Sharing { automatic, one, each };
 
-/// Finds all photographs below `folder`, sorted by name. Throws Error(ExitCode::input) if there are
-/// fewer than two, and for a file with an image extension that is not an image.
+/// Reads the photographs of photo_files(). Throws Error(ExitCode::input), also for a file with an
+/// image extension that is not an image.
 std::vector<Photograph> find_photographs(const std::string& folder);
-
-/// Decides by the extension.
-bool is_video(const std::string& file);
 
 /// `one`, `each`, or automatic: one group per size and, if the files have the data, per camera and
 /// focal length. Throws Error(ExitCode::input) for `one` with several sizes.
@@ -40,8 +38,5 @@ std::vector<CameraGroup> group_by_camera(const std::vector<Photograph>& photogra
 
 /// Copies or converts the photographs to `folder`, by their names.
 void put_photographs(const std::vector<Photograph>& photographs, const std::string& folder);
-
-/// Folder of an existing model of these photographs; empty: none nearby.
-std::string find_model_of(const std::string& folder);
 
 }  // namespace tvsgs::prepare
