@@ -133,6 +133,7 @@ protected:
 /// Lines of the guide that are not run, and why. Their flags are looked up all the same.
 const std::vector<std::pair<std::string, std::string>> kNotRun = {
     {"tvsgs-prepare ", "needs COLMAP, and minutes"},
+    {"tvsgs-reconstruct ", "needs COLMAP, and minutes; test_reconstruct types the same"},
     {"tvsgs-blocks ", "trains five times; test_blocks_command types the same"},
     {"tvsgs-view RUN", "serves a browser until it is ended"},  // without --out; see below
     {"ycb_table", "needs a scene that a clone does not hold"},

@@ -1,0 +1,83 @@
+// The stages of a reconstruction: each runs one program, logs its output and shows its progress.
+#pragma once
+
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "pipeline/run/child_process.h"
+
+namespace tvsgs::reconstruct {
+
+/// A piece of a stage's work with a progress of its own.
+struct Part {
+    std::string_view work;  // how its name begins; empty: the iterations of a training
+    double begin, end;      // rough shares of the stage
+};
+
+struct StageKind {
+    std::string name, title, program;
+    double weight;  // rough duration, in units of the others
+    std::vector<Part> parts;
+};
+
+extern const StageKind kPrepare, kTrain, kMesh, kView;
+
+/// Progress of a stage, from the progress lines of its program.
+class StageProgress {
+public:
+    explicit StageProgress(const StageKind& kind) : kind_(kind) {}
+
+    /// Reads a line that the program wrote at `seconds`. Ignores lines without progress.
+    void read(std::string_view line, double seconds);
+
+    double share() const { return share_; }  // 0 to 1, never decreasing
+    double left(double seconds) const;       // of the present piece of work; NaN: unknown
+    bool is_lower_bound() const { return is_lower_bound_; }  // left() is
+    const std::string& work() const { return work_; }        // empty: unnamed
+
+private:
+    const StageKind& kind_;
+    std::string work_;
+    double share_ = 0, ends_at_ = NAN;  // ends_at_: of the present piece of work, seconds
+    bool is_lower_bound_ = false;
+};
+
+/// Runs programs, one per stage.
+class StageRunner {
+public:
+    /// `stages`: all of them, in their order. `log`: file that receives the output.
+    StageRunner(std::vector<const StageKind*> stages, const std::string& log);
+
+    struct End {
+        int code;             // exit code, or 128 + N after signal N
+        std::string message;  // the program's last message
+        double seconds;
+    };
+    /// Runs a stage's command. Passes the first signal of a SignalGuard to the program.
+    End run(const StageKind& kind, const std::vector<std::string>& command);
+
+    int warnings() const { return warnings_; }  // of all programs
+
+private:
+    void show(const StageKind& kind, const StageProgress& progress);
+
+    std::vector<const StageKind*> stages_;
+    LineLog log_;
+    double begin_, shown_;
+    int warnings_ = 0;
+};
+
+/// The line of progress for the stage `kind` of `stages`. `seconds`: since the first began; `now`:
+/// by the clock of StageProgress.
+std::string whole_text(const std::vector<const StageKind*>& stages,
+                       const StageKind& kind,
+                       const StageProgress& progress,
+                       double seconds,
+                       double now);
+
+/// The words as a command line for a shell.
+std::string shell_line(const std::vector<std::string>& words);
+
+}  // namespace tvsgs::reconstruct

@@ -1,0 +1,311 @@
+// tvsgs-reconstruct: photographs, a video or a scene in; splats, textured mesh and 3D page out.
+// Runs the programs of the stages, and continues where it was stopped.
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <optional>
+
+#include "apps/common/command_line.h"
+#include "apps/prepare/photo_files.h"
+#include "apps/reconstruct/record.h"
+#include "apps/reconstruct/stages.h"
+#include "apps/reconstruct/summary.h"
+#include "core/clock_text.h"
+#include "core/device/device_choice.h"
+#include "core/device/threads.h"
+#include "core/grouped.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
+#include "io/scene/scene_layout.h"
+#include "pipeline/run/folder_lock.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/signals.h"
+
+namespace tvsgs::reconstruct {
+namespace {
+
+namespace fs = std::filesystem;
+using Words = std::vector<std::string>;  // a command line
+
+struct Arguments {
+    std::string photos, out, quality = "normal", device = "auto";
+    bool overwrite = false, quiet = false;
+    Words of_machine;  // flags for all programs that change no result
+};
+
+Arguments parse(int argc, char** argv) {
+    Arguments a;
+    CLI::App app{
+        "Photographs in; splats, textured mesh and 3D page out. Runs tvsgs-prepare, tvsgs-train, "
+        "tvsgs-extract-mesh and tvsgs-view. The same command continues a stopped reconstruction.",
+        "tvsgs-reconstruct"};
+    app.get_formatter()->column_width(40);
+    app.add_option("photos", a.photos,
+                   "folder of photographs, a video, or a scene that has cameras")
+        ->required();
+    app.add_option("out", a.out,
+                   "folder to write: scene/ (if cameras are searched), run/, view.html")
+        ->required();
+    app.add_option("--quality", a.quality,
+                   "draft: photographs 800 pixels wide, 2,000 iterations; normal: 1,600 pixels, "
+                   "iterations by the plan; best: 3,200 pixels, 500 iterations per photograph and "
+                   "at least 15,000. Smaller photographs keep their size")
+        ->check(CLI::IsMember({"draft", "normal", "best"}));
+    app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
+    app.add_flag("--overwrite", a.overwrite,
+                 "start anew: remove the files that an earlier call wrote to OUT");
+    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    parse_command_line(app, argc, argv);
+    if (a.device != "auto" && (!kHasCuda || !a.device.starts_with("cuda"))) choose_device(a.device);
+    while (a.out.size() > 1 && a.out.ends_with('/')) a.out.pop_back();
+    if (app.count("--threads") > 0) a.of_machine = {"--threads", str(thread_count())};
+    return a;
+}
+
+std::string absolute(const std::string& path) {
+    const fs::path whole = fs::absolute(path).lexically_normal();
+    return (whole.has_filename() ? whole : whole.parent_path()).string();
+}
+
+/// The cameras and image names of a scene; nothing if the folder has no cameras.
+std::optional<SceneLayout> layout_of(const std::string& folder) {
+    SceneOptions options;
+    options.path = folder;
+    try {
+        return read_layout(options);
+    } catch (const Error& error) {
+        if (std::string_view(error.what()).starts_with("E_SCENE_LAYOUT")) return std::nullopt;
+        throw;
+    }
+}
+
+/// Whether a training has ended in the run folder, and not by a signal.
+bool is_trained(const std::string& run) {
+    const std::string log = run + "/log.jsonl";
+    if (!fs::is_regular_file(log) || !holds_splats(run)) return false;
+    const std::vector<JsonValue> lines =
+        parse_json_lines(read_bytes(log), log, [](const std::string&) {});
+    return std::ranges::any_of(lines,
+                               [](const JsonValue& line) { return line["event"].text == "done"; });
+}
+
+/// Whether the run folder has a mesh that its report knows.
+bool is_meshed(const std::string& run) {
+    const std::string mesh = find_mesh(run), report = run + "/report.json";
+    return !mesh.empty() && fs::exists(report) &&
+           fs::last_write_time(report) >= fs::last_write_time(mesh);
+}
+
+/// Lists all files of a folder, so that remove_listed_files() removes them.
+void list_files(const fs::path& folder) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+        if (entry.is_regular_file()) files.push_back(entry.path());
+    start_manifest(folder);
+    for (const fs::path& file : files) add_to_manifest(folder, file);
+}
+
+class Reconstruction {
+public:
+    /// Checks the input and the folder of the result. Throws Error before anything is written.
+    explicit Reconstruction(const Arguments& a);
+    int run();
+
+private:
+    std::string program(const StageKind& kind) const { return (programs_ / kind.program).string(); }
+    Words words(const StageKind& kind) const;
+    std::string recorded_command(const StageKind& kind) const;
+    bool is_done(const StageKind& kind) const;
+    void remove_results();
+    void check_commands() const;
+    void run_stage(const StageKind& kind, StageRunner& runner);
+
+    const Arguments& a_;
+    const std::string input_, out_, scene_, run_, page_;  // absolute
+    fs::path programs_;
+    std::size_t photographs_ = 0;  // that need cameras; 0: a video or a scene
+    std::vector<const StageKind*> stages_;
+    std::optional<Record> record_;
+};
+
+Reconstruction::Reconstruction(const Arguments& a)
+    : a_(a),
+      input_(absolute(a.photos)),
+      out_(absolute(a.out)),
+      scene_(out_ + "/scene"),
+      run_(out_ + "/run"),
+      page_(out_ + "/view.html"),
+      programs_(fs::read_symlink("/proc/self/exe").parent_path()) {
+    // 1. The input.
+    if (!fs::exists(input_)) throw input_error(a.photos, ": no such folder or video");
+    const bool folder = fs::is_directory(input_);
+    if (!folder && !prepare::is_video(input_))
+        throw input_error(a.photos,
+                          ": expected a folder or a video (.mp4, .mov, .avi, .mkv, .webm)");
+    const bool has_cameras = folder && layout_of(input_);
+    if (folder && !has_cameras) {
+        photographs_ = prepare::photo_files(input_).size();
+        if (const std::string model = prepare::find_model_of(input_); !model.empty())
+            throw Error(ExitCode::usage, str(a.photos, ": these photographs have cameras, in ",
+                                             model, "; give the folder of that scene"));
+    }
+    stages_ = has_cameras ? std::vector{&kTrain, &kMesh, &kView}
+                          : std::vector{&kPrepare, &kTrain, &kMesh, &kView};
+    for (const StageKind* stage : stages_)
+        if (access(program(*stage).c_str(), X_OK) != 0)
+            throw Error(ExitCode::usage,
+                        str(program(*stage), ": not installed; install the package ",
+                            stage == &kPrepare ? "tvsgs-prepare" : "tvsgs"));
+
+    // 2. The result.
+    if (lies_in(out_, input_))
+        throw Error(ExitCode::usage,
+                    str(a.out, ": lies inside ", a.photos, "; choose a folder elsewhere"));
+    const bool exists = fs::exists(fs::symlink_status(out_));
+    if (exists && !fs::is_directory(out_))
+        throw Error(ExitCode::usage, a.out + ": is a file; choose a folder");
+    record_.emplace(out_);
+    if (exists && record_->is_new() && !fs::is_empty(out_))
+        throw Error(ExitCode::usage, a.out + ": has other files; choose another folder");
+    if (!a.overwrite) check_commands();
+}
+
+/// The command of a stage, without the flags of the machine.
+Words Reconstruction::words(const StageKind& kind) const {
+    if (&kind == &kPrepare) return {kind.program, input_, scene_};
+    if (&kind == &kMesh) return {kind.program, run_};
+    if (&kind == &kView) return {kind.program, run_, "--out", page_};
+    const std::string scene = stages_.front() == &kPrepare ? scene_ : input_;
+    Words words{kind.program, "--scene", scene, "--out", run_};
+    const std::optional<SceneLayout> layout = layout_of(scene);
+    if (!layout) throw input_error(scene, ": no cameras");
+    int width = 0;  // of the narrowest photograph
+    for (const auto& [id, camera] : layout->model.cameras)
+        width = width == 0 ? camera.width_px : std::min(width, camera.width_px);
+    const auto add = [&](const char* flag, auto value) {
+        words.insert(words.end(), {flag, str(value)});
+    };
+    if (a_.quality == "draft") {
+        if (width > 800) add("--resolution", 800);
+        add("--iterations", 2000);
+    }
+    if (a_.quality == "best") {
+        if (width > 1600) add("--resolution", std::min(width, 3200));
+        add("--iterations", std::max<std::size_t>(15000, 500 * layout->model.images.size()));
+    }
+    words.push_back("--resume");  // starts the run, or continues it
+    return words;
+}
+
+/// A change of this text makes the results of the stage invalid.
+std::string Reconstruction::recorded_command(const StageKind& kind) const {
+    const std::string line = shell_line(words(kind));
+    return &kind == &kPrepare && photographs_ > 0 ? str(line, "  # ", photographs_, " photographs")
+                                                  : line;
+}
+
+/// All but the page may also have been made by hand.
+bool Reconstruction::is_done(const StageKind& kind) const {
+    if (&kind == &kPrepare) return fs::exists(scene_ + "/prepare.json") && layout_of(scene_);
+    if (&kind == &kTrain) return is_trained(run_);
+    if (&kind == &kMesh) return is_meshed(run_);
+    return record_->is_done(kind.name) && fs::exists(page_);
+}
+
+void Reconstruction::check_commands() const {
+    for (const StageKind* stage : stages_) {
+        const Record::Stage* const was = record_->find(stage->name);
+        const bool is_kept = was != nullptr && (was->done || stage == &kTrain);
+        if (!is_kept) continue;
+        if (stage == &kTrain && stages_.front() == &kPrepare && !is_done(kPrepare))
+            throw Error(ExitCode::usage,
+                        str(a_.out, ": has a run, but its scene/ is missing or damaged; put it ",
+                            "back, or start anew with --overwrite"));
+        if (const std::string now = recorded_command(*stage); now != was->command)
+            throw Error(
+                ExitCode::usage,
+                str(a_.out, ": was made by another command:\n  before: ", was->command,
+                    "\n  now:    ", now, "\n  --overwrite starts anew; or choose another folder"));
+    }
+}
+
+/// Removes what an earlier call wrote. Keeps other files, and a scene that was made by hand.
+void Reconstruction::remove_results() {
+    for (const std::string& folder : {run_, scene_}) {
+        if (!has_manifest(folder) || lies_in(input_, folder)) continue;
+        remove_listed_files(folder);
+        std::error_code not_empty;
+        fs::remove(folder, not_empty);
+    }
+    require_replaceable(page_);
+    fs::remove(page_);
+    fs::remove(out_ + "/reconstruct.log");
+}
+
+void Reconstruction::run_stage(const StageKind& kind, StageRunner& runner) {
+    record_->start(kind.name, recorded_command(kind));
+    Words command = words(kind);
+    command.front() = program(kind);
+    Words flags = a_.of_machine;
+    if (&kind == &kTrain || &kind == &kMesh) flags.insert(flags.end(), {"--device", a_.device});
+    command.insert(command.begin() + 1, flags.begin(), flags.end());
+    const StageRunner::End end = runner.run(kind, command);
+    if (end.code == 0) {
+        if (&kind == &kPrepare) list_files(scene_);
+        record_->finish(kind.name);
+        spdlog::info("{}: done in {}", kind.title, clock_text(end.seconds));
+    }
+    if (SignalGuard::received() != 0) {
+        spdlog::info("Stopped; the same command continues");
+        SignalGuard::check();
+    }
+    if (end.code != 0)
+        throw Error(static_cast<ExitCode>(end.code),
+                    str(kind.title, ": ", kind.program, " failed, ", ending_text(end.code),
+                        end.message.empty() ? "" : ": ", end.message, "\n  All messages: ", a_.out,
+                        "/reconstruct.log"));
+}
+
+int Reconstruction::run() {
+    const SignalGuard signals;
+    fs::create_directories(out_);
+    const FolderLock lock(out_);
+    if (lock.held())
+        throw Error(ExitCode::usage, a_.out + ": another tvsgs-reconstruct works there; wait");
+    if (a_.overwrite) remove_results();
+    if (a_.overwrite || record_->is_new()) record_->clear();
+
+    StageRunner runner(stages_, out_ + "/reconstruct.log");
+    std::string kept;
+    bool all_kept = true;
+    for (const StageKind* stage : stages_) {
+        all_kept = all_kept && is_done(*stage);
+        if (all_kept) {
+            kept += (kept.empty() ? "" : ", ") + stage->title;
+            continue;
+        }
+        if (!kept.empty()) spdlog::info("Kept from an earlier call: {}", std::exchange(kept, ""));
+        run_stage(*stage, runner);
+    }
+    if (all_kept) spdlog::info("Everything is done already; --overwrite starts anew");
+    if (runner.warnings() > 0)
+        spdlog::info("{} in {}/reconstruct.log",
+                     counted(static_cast<std::size_t>(runner.warnings()), "warning"), a_.out);
+    const bool prepared = stages_.front() == &kPrepare;
+    log_summary(a_.out + "/run", prepared ? scene_ : "", a_.out + "/view.html");
+    return 0;
+}
+
+int command(int argc, char** argv) {
+    const Arguments a = parse(argc, argv);
+    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
+    return Reconstruction(a).run();
+}
+
+}  // namespace
+}  // namespace tvsgs::reconstruct
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::reconstruct::command(argc, argv); });
+}
