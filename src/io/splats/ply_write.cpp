@@ -6,7 +6,7 @@
 #include "core/version.h"
 #include "io/files/atomic_file.h"
 #include "io/mesh/mesh_files.h"
-#include "io/splats/ply.h"
+#include "io/splats/ply_columns.h"
 
 namespace tvsgs {
 namespace {
@@ -176,21 +176,33 @@ void write_mesh_ply(const std::string& path,
 }
 
 void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin) {
+    write_cloud_ply(path, points, origin, {});
+}
+
+void write_cloud_ply(const std::string& path,
+                     const PointCloud& points,
+                     Vec3d origin,
+                     const std::vector<PlyColumn>& columns) {
     check_finite(path, points.positions, "position");
     check_finite(path, points.colors, "colour");
     check_finite(path, points.normals, "normal");
     check_size(path, points.colors.size(), points.positions.size(), "colours");
     check_size(path, points.normals.size(), points.positions.size(), "normals");
     check_size(path, points.confidences.size(), points.positions.size(), "confidences");
+    std::string names = points.confidences.empty() ? "" : "property float confidence\n";
+    for (const PlyColumn& column : columns) {
+        check_size(path, column.values.size(), points.positions.size(), column.name);
+        names += str("property float ", column.name, "\n");
+    }
     PlyWriter out(path);
     out.put(str(header(points.positions.size(), origin), points.normals.empty() ? "" : kNormals,
-                points.colors.empty() ? "" : kColors,
-                points.confidences.empty() ? "" : "property float confidence\n", "end_header\n"));
+                points.colors.empty() ? "" : kColors, names, "end_header\n"));
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
         out.put_position(points.positions[i], origin);
         if (!points.normals.empty()) out.put(points.normals[i]);
         if (!points.colors.empty()) out.put_color(points.colors[i]);
         if (!points.confidences.empty()) out.put(points.confidences[i]);
+        for (const PlyColumn& column : columns) out.put(column.values[i]);
     }
     out.commit();
 }

@@ -1,0 +1,448 @@
+// Votes between the points of a cloud, for both devices. Points are numbered by rank: their place
+// in Morton order. [docs/guide/vote.md#formulas]
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/device/morton.h"
+#include "core/device/parallel.h"
+#include "core/math/eigen.h"
+#include "tv/cloud_votes.h"
+#include "tv/internal/morton_tree.h"
+#include "tv/internal/warp.h"
+#include "tv/vote_math.h"
+
+namespace tvsgs::detail {
+
+inline constexpr int kNormalRounds = 2;      // moves before the votes that give normals
+inline constexpr int kPlaces = 5;            // tried places on each side of a point
+inline constexpr float kPlaceMargin = 0.1f;  // tv.target_margin
+// A point whose support is below the first number is an outlier; up to the second its votes fade.
+inline constexpr float kOutlierSupport = 0.15f, kFullSupport = 0.5f;
+
+/// Finds the nearest points of a block, nearest first; missing ones are kNoPoint.
+struct CloudSearchBody {
+    MortonTree tree;
+    int k, capacity, first;
+    float limit2;              // squared distance
+    Span<std::uint32_t> rows;  // [block, k]
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int row, void* scratch) const {
+        auto* keys = static_cast<std::uint64_t*>(scratch);
+        const int rank = first + row;
+        NearestSearch<Warp> search(warp, tree, keys, capacity, k);
+        const Vec3f position = tree.points[rank].position;
+        const int found = search.run(position, rank, rank);
+        bitonic_sort(warp, keys, found);
+        for (int r = warp.lane(); r < k; r += Warp::kLanes) {
+            std::uint32_t other = kNoPoint;
+            if (r < found) {
+                const std::uint32_t near = key_rank(keys[r]);
+                const Vec3f d = tree.points[near].position - position;
+                if (dot(d, d) <= limit2) other = near;
+            }
+            rows[std::size_t(row) * k + r] = other;
+        }
+    }
+};
+
+/// The neighbours of a block of points.
+struct CloudLists {
+    int k, first;
+    Span<const std::uint32_t> rows;
+
+    TVSGS_HD const std::uint32_t* of(int rank) const {
+        return rows.data + std::size_t(rank - first) * k;
+    }
+    TVSGS_HD int count(int rank) const {
+        const std::uint32_t* list = of(rank);
+        int n = 0;
+        while (n < k && list[n] != kNoPoint) ++n;
+        return n;
+    }
+};
+
+/// Distances to the median neighbour (scale of voting) and to the median of the nearest six (the
+/// spacing). Zero, hence silent, without neighbours.
+struct CloudScaleBody {
+    CloudLists lists;
+    Span<const Vec3f> places;
+    Span<float> scales, spacings;
+    Span<std::uint32_t> nearest;  // [N, kGraphNeighbours]
+
+    TVSGS_HD void operator()(int row) const {
+        const int i = lists.first + row, n = lists.count(i);
+        const std::uint32_t* list = lists.of(i);
+        scales[i] = n == 0 ? 0 : norm(places[list[n / 2]] - places[i]);
+        spacings[i] = n == 0 ? 0 : norm(places[list[n < 6 ? n / 2 : 3]] - places[i]);
+        for (int r = 0; r < kGraphNeighbours; ++r)
+            nearest[std::size_t(i) * kGraphNeighbours + r] = r < n ? list[r] : kNoPoint;
+    }
+};
+
+/// Points as voters.
+struct CloudVoters {
+    CloudLists lists;
+    Span<const Vec3f> places, normals;
+    Span<const float> scales, strengths;
+
+    /// The votes that point i receives at `place`, as balls or as sticks.
+    template <bool kBalls>
+    TVSGS_HD Sym3f tensor_at(int i, Vec3f place) const {
+        Sym3f T;
+        const std::uint32_t* list = lists.of(i);
+        for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) {
+            const std::uint32_t j = list[r];
+            const float scale = scales[i] < scales[j] ? scales[i] : scales[j];
+            const Vec3f d = place - places[j];
+            VoterRecord<float> voter;
+            voter.inverse_tau2 = inverse_square_or_zero(scale);
+            // The direction to a near point has most noise, so its vote counts by the distance.
+            const float strength = strengths[j] * voter.inverse_tau2 * dot(d, d);
+            Vote<float> vote;
+            if (kBalls) {
+                vote = ball_vote<ExactMath>(voter, d, d, {});
+            } else {
+                const Vec3f n = normals[j];
+                const float u = dot(d, n);
+                voter.normal_world = n;
+                voter.curvature = curvature_factor(true, scale, 1.0f);
+                vote = plate_vote<ExactMath>(voter, d, {norm(d - u * n), 0, u}, {});
+            }
+            if (vote.cast && strength * 0 == 0) add_outer(T, strength * vote.decay, vote.v);
+        }
+        return T;
+    }
+};
+
+/// Sets the tensors of a block from votes at the points' places.
+template <bool kBalls>
+struct CloudTensorBody {
+    CloudVoters voters;
+    Span<const Vec3f> given;  // normals of the input; may be empty
+    Span<Vec3f> eigenvalues, normals;
+
+    TVSGS_HD void operator()(int row) const {
+        const int i = voters.lists.first + row;
+        const Vec3f input = given.empty() ? Vec3f{} : given[i];
+        const bool has_input = dot(input, input) > 0;
+        if (kBalls && has_input) {
+            eigenvalues[i] = {1, 1, 0}, normals[i] = input;
+            return;
+        }
+        const Sym3f T = voters.tensor_at<kBalls>(i, voters.places[i]);
+        const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
+        const double finite = (e.values.x + e.values.y + e.values.z) * 0;
+        Vec3f values, normal;
+        if (finite == 0 && e.values.x >= kMinEigenvalue) {
+            values = vec_cast<float>(e.values);
+            if ((e.values.y - e.values.z) / e.values.x >= kMinNormalGap)
+                normal = vec_cast<float>(column(e.vectors, 2));
+        }
+        eigenvalues[i] = {values.x, values.y, values.z > 0 ? values.z : 0};
+        normals[i] = dot(normal, input) < 0 ? -normal : normal;
+    }
+};
+
+/// Strength of the sticks of the next round: the input's confidence times (l2 - l3) / l1, times
+/// `support` if it is not empty.
+struct CloudStrengthBody {
+    Span<const float> confidences, support;
+    Span<const Vec3f> eigenvalues, normals;
+    Span<float> strengths;
+
+    TVSGS_HD void operator()(int i) const {
+        const Vec3f l = eigenvalues[i];
+        const bool votes = dot(normals[i], normals[i]) > 0;
+        strengths[i] = votes ? confidences[i] * (l.y - l.z) / l.x : 0;
+        if (!support.empty()) {
+            const float x = (support[i] - kOutlierSupport) / (kFullSupport - kOutlierSupport);
+            strengths[i] *= x > 0 ? (x < 1 ? x : 1) : 0;
+        }
+    }
+};
+
+/// Moves points along their normals to the place of largest surface saliency, at most one spacing.
+struct CloudPlaceBody {
+    CloudVoters voters;
+    Span<const float> spacings;
+    Span<Vec3f> moved;
+
+    TVSGS_HD void operator()(int row) const {
+        const int i = voters.lists.first + row;
+        const Vec3f place = voters.places[i], step = spacings[i] / kPlaces * voters.normals[i];
+        moved[i] = place;
+        if (!(dot(step, step) > 0)) return;
+        float saliency[2 * kPlaces + 1];
+        float largest = 0;
+        int best = 0;
+        for (int m = 0; m <= 2 * kPlaces; ++m) {
+            const Sym3f T =
+                voters.tensor_at<false>(i, place + static_cast<float>(m - kPlaces) * step);
+            const Vec3f l = sym_eigenvalues<ExactMath>(T);
+            saliency[m] = l.y - l.z;
+            if (m == kPlaces) largest = l.x;
+            if (saliency[m] > saliency[best]) best = m;
+        }
+        if (!(saliency[best] > saliency[kPlaces] + kPlaceMargin * largest)) return;
+        // The parabola through three places.
+        float offset = static_cast<float>(best - kPlaces);
+        if (best > 0 && best < 2 * kPlaces) {
+            const float below = saliency[best - 1], above = saliency[best + 1];
+            const float bend = below - 2 * saliency[best] + above;
+            if (bend < 0) offset += 0.5f * (below - above) / bend;
+        }
+        moved[i] = place + offset * step;
+    }
+};
+
+/// Surface saliency per area as a share of the neighbours', of which the salient ones count most;
+/// at most 1. Distant outliers support each other as well as a surface does, but on a larger area.
+struct CloudSupportBody {
+    CloudLists lists;
+    Span<const float> scales;
+    Span<const Vec3f> eigenvalues;
+    Span<float> support;
+
+    TVSGS_HD void operator()(int row) const {
+        const int i = lists.first + row;
+        const std::uint32_t* list = lists.of(i);
+        const float own = saliency_at(i, i);
+        float sum = own, squares = own * own;
+        for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) {
+            const float s = saliency_at(i, list[r]);
+            sum += s, squares += s * s;
+        }
+        const float share = own * sum / squares;
+        support[i] = share > 0 ? (share < 1 ? share : 1) : 0;  // NaN becomes 0
+    }
+
+private:
+    /// Relative to the scale at point i, so that squares stay in range.
+    TVSGS_HD float saliency_at(int i, std::uint32_t j) const {
+        const float ratio = scales[i] / scales[j];
+        return (eigenvalues[j].y - eigenvalues[j].z) * ratio * ratio;
+    }
+};
+
+template <class Device>
+class CloudVoting {
+public:
+    CloudVoting(const PointCloud& cloud,
+                const CloudVoteOptions& options,
+                const CloudProgress& progress)
+        : options_(options), progress_(progress), count_(static_cast<int>(cloud.positions.size())) {
+        Buffer<Vec3f, Device> given;
+        copy(cloud.positions, given);
+        Buffer<int, Device> order;
+        morton_order(given.span(), order);
+        order_ = to_host(order);
+        in_order(cloud.positions, places_);
+        in_order(cloud.normals, given_);
+        std::vector<float> confidences(cloud.positions.size(), 1.0f);
+        for (std::size_t i = 0; i < cloud.confidences.size(); ++i) {
+            const float c = cloud.confidences[i];
+            confidences[i] = c > 0 ? std::min(c, 1.0f) : 0;  // NaN becomes 0
+        }
+        in_order(confidences, confidences_);
+        k_ = std::max(1, std::min(options.k, count_ - 1));
+        make_tree();
+        scales_.resize(count_), spacings_.resize(count_),
+            nearest_.resize(std::size_t(count_) * kGraphNeighbours);
+        eigenvalues_.resize(count_), normals_.resize(count_), strengths_.resize(count_);
+        support_.resize(count_);
+        blocks([&](const CloudLists& lists, int size) {
+            parallel_for(Device{}, size,
+                         CloudScaleBody{lists, places_.span(), scales_.span(), spacings_.span(),
+                                        nearest_.span()});
+        });
+    }
+
+    /// Indices of the input that are no outliers, ascending.
+    std::vector<std::size_t> surface_points() {
+        vote_for_normals();
+        set_strengths(true);
+        sticks();
+        find_support();
+        const std::vector<float> support = to_host(support_);
+        std::vector<std::size_t> kept;
+        for (std::size_t rank = 0; rank < support.size(); ++rank)
+            if (support[rank] > kOutlierSupport) kept.push_back(std::size_t(order_[rank]));
+        std::sort(kept.begin(), kept.end());
+        return kept;
+    }
+
+    CloudVotes run() {
+        std::vector<Vec3f> positions = to_host(places_);
+        for (int round = 1; round <= std::max(options_.refine, kNormalRounds); ++round) {
+            balls();
+            set_strengths(false);
+            move();
+            if (round == options_.refine) positions = to_host(places_);
+        }
+        vote_for_normals();
+        return results(positions);
+    }
+
+private:
+    void vote_for_normals() {
+        balls();
+        set_strengths(false);
+        sticks();
+        find_support();
+    }
+
+    template <class T>
+    void in_order(const std::vector<T>& values, Buffer<T, Device>& out) const {
+        std::vector<T> sorted(values.size());
+        for (std::size_t rank = 0; rank < values.size(); ++rank)
+            sorted[rank] = values[std::size_t(order_[rank])];
+        copy(sorted, out);
+    }
+
+    void make_tree() {
+        std::vector<TreePoint> points(static_cast<std::size_t>(count_));
+        const std::vector<Vec3f> places = to_host(places_);
+        for (std::size_t rank = 0; rank < points.size(); ++rank)
+            points[rank] = {places[rank], static_cast<std::uint32_t>(rank)};
+        copy(points, points_);
+        nodes_.resize(std::size_t(set_tree_shape(tree_, count_)));
+        tree_.points = points_.span(), tree_.nodes = nodes_.span();
+        for (int level = 0; level < tree_.levels; ++level)
+            parallel_for(Device{}, tree_.level_size[level], TreeNodeBody{tree_, level});
+    }
+
+    /// Calls action(lists, size) for each block of points.
+    template <class Action>
+    void blocks(const Action& action) {
+        const bool keep =
+            std::size_t(count_) * std::size_t(k_) * sizeof(std::uint32_t) <= options_.list_bytes;
+        if (keep) rows_.resize(std::size_t(count_) * k_);
+        for (int first = 0; first < count_; first += options_.block) {
+            const int size = std::min(options_.block, count_ - first);
+            if (!keep) rows_.resize(std::size_t(size) * k_);
+            const Span<std::uint32_t> rows =
+                keep ? rows_.span().sub(std::size_t(first) * k_, std::size_t(size) * k_)
+                     : rows_.span();
+            if (!keep || !listed_) search(first, size, rows);
+            action(CloudLists{k_, first, rows}, size);
+            if (progress_) synchronize(Device{}), progress_(size);
+        }
+        listed_ = true;
+    }
+
+    void search(int first, int size, Span<std::uint32_t> rows) {
+        const float limit = options_.radius > 0 ? options_.radius * options_.radius
+                                                : std::numeric_limits<float>::infinity();
+        const int capacity = search_capacity(k_);
+        for_each_warp(Device{}, size, capacity * sizeof(std::uint64_t),
+                      CloudSearchBody{tree_, k_, capacity, first, limit, rows});
+    }
+
+    CloudVoters voters(const CloudLists& lists, const Buffer<float, Device>& strengths) const {
+        return {lists, places_.span(), normals_.span(), scales_.span(), strengths.span()};
+    }
+    void balls() {
+        blocks([&](const CloudLists& lists, int size) {
+            parallel_for(Device{}, size,
+                         CloudTensorBody<true>{voters(lists, confidences_), given_.span(),
+                                               eigenvalues_.span(), normals_.span()});
+        });
+    }
+    void set_strengths(bool by_support) {
+        const Span<const float> support = by_support ? support_.span() : Span<float>{};
+        parallel_for(Device{}, count_,
+                     CloudStrengthBody{confidences_.span(), support, eigenvalues_.span(),
+                                       normals_.span(), strengths_.span()});
+    }
+    void sticks() {
+        new_vectors_.resize(count_);
+        blocks([&](const CloudLists& lists, int size) {
+            parallel_for(Device{}, size,
+                         CloudTensorBody<false>{voters(lists, strengths_), given_.span(),
+                                                eigenvalues_.span(), new_vectors_.span()});
+        });
+        normals_.swap(new_vectors_);
+    }
+    void move() {
+        new_vectors_.resize(count_);
+        blocks([&](const CloudLists& lists, int size) {
+            parallel_for(
+                Device{}, size,
+                CloudPlaceBody{voters(lists, strengths_), spacings_.span(), new_vectors_.span()});
+        });
+        places_.swap(new_vectors_);
+    }
+    void find_support() {
+        blocks([&](const CloudLists& lists, int size) {
+            parallel_for(
+                Device{}, size,
+                CloudSupportBody{lists, scales_.span(), eigenvalues_.span(), support_.span()});
+        });
+    }
+
+    CloudVotes results(const std::vector<Vec3f>& positions) const {
+        const std::vector<Vec3f> normals = to_host(normals_), eigenvalues = to_host(eigenvalues_);
+        const std::vector<float> support = to_host(support_);
+        const std::vector<std::uint32_t> nearest = to_host(nearest_);
+        CloudVotes out;
+        const auto count = static_cast<std::size_t>(count_);
+        out.kept.resize(count), out.positions.resize(count), out.normals.resize(count);
+        out.eigenvalues.resize(count), out.confidences.resize(count);
+        out.nearest.resize(nearest.size());
+        for (std::size_t rank = 0; rank < count; ++rank) {
+            const auto i = static_cast<std::size_t>(order_[rank]);
+            const Vec3f l = eigenvalues[rank];
+            out.kept[i] = i;
+            out.positions[i] = positions[rank], out.normals[i] = normals[rank];
+            out.eigenvalues[i] = l;
+            out.confidences[i] =
+                dot(normals[rank], normals[rank]) > 0 ? support[rank] * (l.y - l.z) / l.x : 0;
+            for (std::size_t r = 0; r < kGraphNeighbours; ++r) {
+                const std::uint32_t near = nearest[rank * kGraphNeighbours + r];
+                out.nearest[i * kGraphNeighbours + r] =
+                    near == kNoPoint ? near : static_cast<std::uint32_t>(order_[near]);
+            }
+        }
+        return out;
+    }
+
+    const CloudVoteOptions& options_;
+    const CloudProgress& progress_;
+    int count_, k_ = 0;
+    bool listed_ = false;
+    std::vector<int> order_;  // [N] index in the input
+    MortonTree tree_;
+    Buffer<TreePoint, Device> points_;
+    Buffer<TreeNode, Device> nodes_;
+    Buffer<std::uint32_t, Device> rows_, nearest_;
+    Buffer<Vec3f, Device> places_, given_, normals_, eigenvalues_, new_vectors_;
+    Buffer<float, Device> confidences_, scales_, spacings_, strengths_, support_;
+};
+
+template <class Device>
+CloudVotes vote_in_cloud(const PointCloud& cloud,
+                         const CloudVoteOptions& options,
+                         const CloudProgress& progress) {
+    if (cloud.positions.empty()) return {};
+    if (!options.reject) return CloudVoting<Device>(cloud, options, progress).run();
+    const std::vector<std::size_t> kept =
+        CloudVoting<Device>(cloud, options, progress).surface_points();
+    PointCloud rest;
+    const auto keep = [&](const auto& from, auto& to) {
+        if (!from.empty())
+            for (const std::size_t i : kept) to.push_back(from[i]);
+    };
+    keep(cloud.positions, rest.positions);
+    keep(cloud.normals, rest.normals);
+    keep(cloud.confidences, rest.confidences);
+    if (kept.empty()) return {};
+    CloudVotes votes = CloudVoting<Device>(rest, options, progress).run();
+    votes.kept = kept;
+    return votes;
+}
+
+}  // namespace tvsgs::detail
