@@ -46,8 +46,10 @@ private:
 
 double cloud_vote_steps(const CloudVoteOptions& options, std::size_t points) {
     const int rounds = std::max(options.refine, detail::kNormalRounds);
-    // Scale, two passes per round, and three for the normals; outliers: one, and five more.
-    return static_cast<double>(points) * (4 + 2 * rounds + (options.reject ? 6 : 0));
+    // Scales, two passes per round, and three for the normals. Outliers: scales, balls, and twice
+    // sticks and their support.
+    const int outliers = 2 + 2 * (2 + detail::kOutlierHops);
+    return static_cast<double>(points) * (4 + 2 * rounds + (options.reject ? outliers : 0));
 }
 
 CloudVotes vote_in_cloud(Cpu,

@@ -46,10 +46,10 @@ using CloudProgress = std::function<void(int points)>;
 /// The sum of these numbers.
 double cloud_vote_steps(const CloudVoteOptions& options, std::size_t points);
 
-/// Votes between the points. Points with a normal vote as sticks, the others as balls first; a
-/// confidence in [0, 1] is the strength of a point's votes. A normal keeps the side of the normal
-/// in the input. Positions must be finite. With fewer than two points nothing gets a normal.
-/// [docs/guide/vote.md#formulas]
+/// Votes between the points. Points with a normal vote as sticks, the others as balls and then also
+/// as sticks; a confidence in [0, 1] is the strength of a point's votes. A normal keeps the side of
+/// the normal in the input. Positions must be finite. With fewer than two points nothing gets a
+/// normal. [docs/guide/vote.md#formulas]
 CloudVotes vote_in_cloud(Cpu,
                          const PointCloud& cloud,
                          const CloudVoteOptions& options,

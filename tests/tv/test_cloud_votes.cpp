@@ -97,8 +97,8 @@ void expect_same(const CloudVotes& a, const CloudVotes& b) {
 /// sphere is more than twice as large.
 TEST(CloudVotes, FindsNormals) {
     const Surface noisy = plane(3000, 0.5f), exact = sphere(3000, 0);
-    EXPECT_LT(mean_angle(votes_of(noisy.cloud).normals, noisy), 9);
-    EXPECT_LT(mean_angle(votes_of(exact.cloud).normals, exact), 0.7);
+    EXPECT_LT(mean_angle(votes_of(noisy.cloud).normals, noisy), 6);
+    EXPECT_LT(mean_angle(votes_of(exact.cloud).normals, exact), 1.05);
 }
 
 TEST(CloudVotes, SaliencyIsThatOfASurface) {
@@ -133,7 +133,7 @@ TEST(CloudVotes, RefineMovesPointsToTheSurface) {
 
 TEST(CloudVotes, RejectDropsOutliers) {
     const int count = 3000;
-    const Surface s = sphere(count, 0.1f, count / 6);
+    const Surface s = sphere(count, 0.1f, count);
     CloudVoteOptions options;
     options.reject = true;
     const CloudVotes votes = votes_of(s.cloud, options);

@@ -20,6 +20,7 @@ inline constexpr int kNormalRounds = 2;      // moves before the votes that give
 inline constexpr int kPlaces = 5;            // tried places on each side of a point
 inline constexpr float kPlaceMargin = 0.1f;  // tv.target_margin
 // A point whose support is below the first number is an outlier; up to the second its votes fade.
+inline constexpr int kOutlierHops = 2;
 inline constexpr float kOutlierSupport = 0.15f, kFullSupport = 0.5f;
 
 /// Finds the nearest points of a block, nearest first; missing ones are kNoPoint.
@@ -83,16 +84,15 @@ struct CloudScaleBody {
     }
 };
 
-/// Points as voters.
+/// Points as voters. Strengths of 0 are silent.
 struct CloudVoters {
     CloudLists lists;
     Span<const Vec3f> places, normals;
-    Span<const float> scales, strengths;
+    Span<const float> scales, balls, sticks;
 
-    /// The votes that point i receives at `place`, as balls or as sticks.
+    /// Adds the votes that point i receives at `place`, from balls or from sticks.
     template <bool kBalls>
-    TVSGS_HD Sym3f tensor_at(int i, Vec3f place) const {
-        Sym3f T;
+    TVSGS_HD void add_votes(int i, Vec3f place, Sym3f& T) const {
         const std::uint32_t* list = lists.of(i);
         for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) {
             const std::uint32_t j = list[r];
@@ -100,8 +100,8 @@ struct CloudVoters {
             const Vec3f d = place - places[j];
             VoterRecord<float> voter;
             voter.inverse_tau2 = inverse_square_or_zero(scale);
-            // The direction to a near point has most noise, so its vote counts by the distance.
-            const float strength = strengths[j] * voter.inverse_tau2 * dot(d, d);
+            // Noise turns the direction to a near point most, so a vote counts by the distance.
+            const float strength = (kBalls ? balls[j] : sticks[j]) * voter.inverse_tau2 * dot(d, d);
             Vote<float> vote;
             if (kBalls) {
                 vote = ball_vote<ExactMath>(voter, d, d, {});
@@ -114,12 +114,12 @@ struct CloudVoters {
             }
             if (vote.cast && strength * 0 == 0) add_outer(T, strength * vote.decay, vote.v);
         }
-        return T;
     }
 };
 
-/// Sets the tensors of a block from votes at the points' places.
-template <bool kBalls>
+/// Sets the tensors of a block from the votes at the points' places: of balls, or of balls and
+/// sticks.
+template <bool kSticks>
 struct CloudTensorBody {
     CloudVoters voters;
     Span<const Vec3f> given;  // normals of the input; may be empty
@@ -128,12 +128,13 @@ struct CloudTensorBody {
     TVSGS_HD void operator()(int row) const {
         const int i = voters.lists.first + row;
         const Vec3f input = given.empty() ? Vec3f{} : given[i];
-        const bool has_input = dot(input, input) > 0;
-        if (kBalls && has_input) {
+        if (!kSticks && dot(input, input) > 0) {
             eigenvalues[i] = {1, 1, 0}, normals[i] = input;
             return;
         }
-        const Sym3f T = voters.tensor_at<kBalls>(i, voters.places[i]);
+        Sym3f T;
+        voters.add_votes<true>(i, voters.places[i], T);
+        if (kSticks) voters.add_votes<false>(i, voters.places[i], T);
         const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
         const double finite = (e.values.x + e.values.y + e.values.z) * 0;
         Vec3f values, normal;
@@ -147,21 +148,22 @@ struct CloudTensorBody {
     }
 };
 
-/// Strength of the sticks of the next round: the input's confidence times (l2 - l3) / l1, times
-/// `support` if it is not empty.
+/// Strengths of the next votes: the input's confidence, of a stick times (l2 - l3) / l1; less for a
+/// point of low support, if `support` is not empty. A point with an input normal is no ball.
 struct CloudStrengthBody {
     Span<const float> confidences, support;
-    Span<const Vec3f> eigenvalues, normals;
-    Span<float> strengths;
+    Span<const Vec3f> given, eigenvalues, normals;
+    Span<float> balls, sticks;
 
     TVSGS_HD void operator()(int i) const {
-        const Vec3f l = eigenvalues[i];
-        const bool votes = dot(normals[i], normals[i]) > 0;
-        strengths[i] = votes ? confidences[i] * (l.y - l.z) / l.x : 0;
+        float strength = confidences[i];
         if (!support.empty()) {
             const float x = (support[i] - kOutlierSupport) / (kFullSupport - kOutlierSupport);
-            strengths[i] *= x > 0 ? (x < 1 ? x : 1) : 0;
+            strength *= x > 0 ? (x < 1 ? x : 1) : 0;
         }
+        const Vec3f l = eigenvalues[i];
+        balls[i] = !given.empty() && dot(given[i], given[i]) > 0 ? 0 : strength;
+        sticks[i] = dot(normals[i], normals[i]) > 0 ? strength * (l.y - l.z) / l.x : 0;
     }
 };
 
@@ -180,8 +182,8 @@ struct CloudPlaceBody {
         float largest = 0;
         int best = 0;
         for (int m = 0; m <= 2 * kPlaces; ++m) {
-            const Sym3f T =
-                voters.tensor_at<false>(i, place + static_cast<float>(m - kPlaces) * step);
+            Sym3f T;
+            voters.add_votes<false>(i, place + static_cast<float>(m - kPlaces) * step, T);
             const Vec3f l = sym_eigenvalues<ExactMath>(T);
             saliency[m] = l.y - l.z;
             if (m == kPlaces) largest = l.x;
@@ -199,13 +201,13 @@ struct CloudPlaceBody {
     }
 };
 
-/// Surface saliency per area as a share of the neighbours', of which the salient ones count most;
-/// at most 1. Distant outliers support each other as well as a surface does, but on a larger area.
-struct CloudSupportBody {
+/// Surface saliency per area of the salient points around each point. Far outliers support each
+/// other as well as a surface does, but on a larger area.
+struct CloudReferenceBody {
     CloudLists lists;
     Span<const float> scales;
     Span<const Vec3f> eigenvalues;
-    Span<float> support;
+    Span<float> references;
 
     TVSGS_HD void operator()(int row) const {
         const int i = lists.first + row;
@@ -214,10 +216,9 @@ struct CloudSupportBody {
         float sum = own, squares = own * own;
         for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) {
             const float s = saliency_at(i, list[r]);
-            sum += s, squares += s * s;
+            if (s * s * 0 == 0) sum += s, squares += s * s;
         }
-        const float share = own * sum / squares;
-        support[i] = share > 0 ? (share < 1 ? share : 1) : 0;  // NaN becomes 0
+        references[i] = squares / sum / (scales[i] * scales[i]);
     }
 
 private:
@@ -225,6 +226,35 @@ private:
     TVSGS_HD float saliency_at(int i, std::uint32_t j) const {
         const float ratio = scales[i] / scales[j];
         return (eigenvalues[j].y - eigenvalues[j].z) * ratio * ratio;
+    }
+};
+
+/// The largest reference among the neighbours.
+struct CloudSpreadBody {
+    CloudLists lists;
+    Span<const float> references;
+    Span<float> spread;
+
+    TVSGS_HD void operator()(int row) const {
+        const int i = lists.first + row;
+        const std::uint32_t* list = lists.of(i);
+        float largest = references[i];
+        for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r)
+            if (references[list[r]] > largest) largest = references[list[r]];
+        spread[i] = largest;
+    }
+};
+
+/// Surface saliency per area as a share of the reference, at most 1.
+struct CloudSupportBody {
+    Span<const float> scales, references;
+    Span<const Vec3f> eigenvalues;
+    Span<float> support;
+
+    TVSGS_HD void operator()(int i) const {
+        const float own = (eigenvalues[i].y - eigenvalues[i].z) / (scales[i] * scales[i]);
+        const float share = own / references[i];
+        support[i] = share > 0 ? (share < 1 ? share : 1) : 0;  // NaN becomes 0
     }
 };
 
@@ -252,8 +282,10 @@ public:
         make_tree();
         scales_.resize(count_), spacings_.resize(count_),
             nearest_.resize(std::size_t(count_) * kGraphNeighbours);
-        eigenvalues_.resize(count_), normals_.resize(count_), strengths_.resize(count_);
-        support_.resize(count_);
+        eigenvalues_.resize(count_), normals_.resize(count_), balls_.resize(count_);
+        sticks_.resize(count_), support_.resize(count_);
+        eigenvalues_.fill_zero(), normals_.fill_zero();
+        set_strengths(false);
         blocks([&](const CloudLists& lists, int size) {
             parallel_for(Device{}, size,
                          CloudScaleBody{lists, places_.span(), scales_.span(), spacings_.span(),
@@ -263,10 +295,12 @@ public:
 
     /// Indices of the input that are no outliers, ascending.
     std::vector<std::size_t> surface_points() {
-        vote_for_normals();
+        vote_as_balls();
+        vote_as_sticks();
+        find_support(kOutlierHops);
         set_strengths(true);
-        sticks();
-        find_support();
+        vote_as_sticks();
+        find_support(kOutlierHops);
         const std::vector<float> support = to_host(support_);
         std::vector<std::size_t> kept;
         for (std::size_t rank = 0; rank < support.size(); ++rank)
@@ -278,23 +312,17 @@ public:
     CloudVotes run() {
         std::vector<Vec3f> positions = to_host(places_);
         for (int round = 1; round <= std::max(options_.refine, kNormalRounds); ++round) {
-            balls();
-            set_strengths(false);
+            vote_as_balls();
             move();
             if (round == options_.refine) positions = to_host(places_);
         }
-        vote_for_normals();
+        vote_as_balls();
+        vote_as_sticks();
+        find_support(0);
         return results(positions);
     }
 
 private:
-    void vote_for_normals() {
-        balls();
-        set_strengths(false);
-        sticks();
-        find_support();
-    }
-
     template <class T>
     void in_order(const std::vector<T>& values, Buffer<T, Device>& out) const {
         std::vector<T> sorted(values.size());
@@ -342,46 +370,62 @@ private:
                       CloudSearchBody{tree_, k_, capacity, first, limit, rows});
     }
 
-    CloudVoters voters(const CloudLists& lists, const Buffer<float, Device>& strengths) const {
-        return {lists, places_.span(), normals_.span(), scales_.span(), strengths.span()};
-    }
-    void balls() {
-        blocks([&](const CloudLists& lists, int size) {
-            parallel_for(Device{}, size,
-                         CloudTensorBody<true>{voters(lists, confidences_), given_.span(),
-                                               eigenvalues_.span(), normals_.span()});
-        });
+    CloudVoters voters(const CloudLists& lists) const {
+        return {lists,          places_.span(), normals_.span(),
+                scales_.span(), balls_.span(),  sticks_.span()};
     }
     void set_strengths(bool by_support) {
         const Span<const float> support = by_support ? support_.span() : Span<float>{};
-        parallel_for(Device{}, count_,
-                     CloudStrengthBody{confidences_.span(), support, eigenvalues_.span(),
-                                       normals_.span(), strengths_.span()});
+        parallel_for(
+            Device{}, count_,
+            CloudStrengthBody{confidences_.span(), support, given_.span(), eigenvalues_.span(),
+                              normals_.span(), balls_.span(), sticks_.span()});
     }
-    void sticks() {
+    /// Sets the strengths of the sticks from votes of balls.
+    void vote_as_balls() {
+        blocks([&](const CloudLists& lists, int size) {
+            parallel_for(Device{}, size,
+                         CloudTensorBody<false>{voters(lists), given_.span(), eigenvalues_.span(),
+                                                normals_.span()});
+        });
+        set_strengths(false);
+    }
+    void vote_as_sticks() {
         new_vectors_.resize(count_);
         blocks([&](const CloudLists& lists, int size) {
             parallel_for(Device{}, size,
-                         CloudTensorBody<false>{voters(lists, strengths_), given_.span(),
-                                                eigenvalues_.span(), new_vectors_.span()});
+                         CloudTensorBody<true>{voters(lists), given_.span(), eigenvalues_.span(),
+                                               new_vectors_.span()});
         });
         normals_.swap(new_vectors_);
     }
     void move() {
         new_vectors_.resize(count_);
         blocks([&](const CloudLists& lists, int size) {
-            parallel_for(
-                Device{}, size,
-                CloudPlaceBody{voters(lists, strengths_), spacings_.span(), new_vectors_.span()});
+            parallel_for(Device{}, size,
+                         CloudPlaceBody{voters(lists), spacings_.span(), new_vectors_.span()});
         });
         places_.swap(new_vectors_);
     }
-    void find_support() {
+    /// Compares with salient points up to `hops` + 1 neighbourhoods away.
+    void find_support(int hops) {
+        references_.resize(count_);
         blocks([&](const CloudLists& lists, int size) {
             parallel_for(
                 Device{}, size,
-                CloudSupportBody{lists, scales_.span(), eigenvalues_.span(), support_.span()});
+                CloudReferenceBody{lists, scales_.span(), eigenvalues_.span(), references_.span()});
         });
+        for (int hop = 0; hop < hops; ++hop) {
+            spread_.resize(count_);
+            blocks([&](const CloudLists& lists, int size) {
+                parallel_for(Device{}, size,
+                             CloudSpreadBody{lists, references_.span(), spread_.span()});
+            });
+            references_.swap(spread_);
+        }
+        parallel_for(Device{}, count_,
+                     CloudSupportBody{scales_.span(), references_.span(), eigenvalues_.span(),
+                                      support_.span()});
     }
 
     CloudVotes results(const std::vector<Vec3f>& positions) const {
@@ -420,7 +464,8 @@ private:
     Buffer<TreeNode, Device> nodes_;
     Buffer<std::uint32_t, Device> rows_, nearest_;
     Buffer<Vec3f, Device> places_, given_, normals_, eigenvalues_, new_vectors_;
-    Buffer<float, Device> confidences_, scales_, spacings_, strengths_, support_;
+    Buffer<float, Device> confidences_, scales_, spacings_, balls_, sticks_, references_, spread_,
+        support_;
 };
 
 template <class Device>
