@@ -164,7 +164,8 @@ private:
         const std::string version = version_of_run();
         if (version != version_ || page_.empty()) {
             ViewSubject subject = read_view_subject(input_);
-            options_.follow = subject.origin;
+            options_.follow = true, options_.origin = subject.origin;
+            options_.metres = subject.metres;
             ViewPage made = view_page(std::move(subject.runs), subject.cameras, options_);
             for (const std::string& note : made.notes) spdlog::warn("{}", note);
             page_ = std::move(made.html), version_ = version;

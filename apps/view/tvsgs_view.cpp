@@ -69,7 +69,7 @@ Arguments parse(int argc, char** argv) {
 }
 
 int command(int argc, char** argv) {
-    const Arguments a = parse(argc, argv);
+    Arguments a = parse(argc, argv);
     init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
     if (a.out.empty()) {
         serve(a.input, a.page, a.port);
@@ -77,6 +77,7 @@ int command(int argc, char** argv) {
     }
     require_output(a.out, {".html"}, {});
     ViewSubject subject = read_view_subject(a.input);
+    a.page.origin = subject.origin, a.page.metres = subject.metres;
     const ViewPage page = view_page(std::move(subject.runs), subject.cameras, a.page);
     for (const std::string& note : page.notes) spdlog::warn("{}", note);
     write_text_file(a.out, page.html);

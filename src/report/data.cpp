@@ -252,7 +252,9 @@ private:
             missing_.push_back("coverage: no training view sees a splat");
         // The report has its own plots.
         run.evaluations = {};
-        view_ = view_page(std::move(subject.runs), subject.cameras, {.max_bytes = kViewBytes});
+        view_ = view_page(
+            std::move(subject.runs), subject.cameras,
+            {.max_bytes = kViewBytes, .origin = subject.origin, .metres = subject.metres});
     }
 
     const std::string& run_;

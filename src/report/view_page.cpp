@@ -161,7 +161,7 @@ public:
             if (run.truth && full_ == 0) full_ = full_error(*run.truth);
         for (std::size_t i = 0; i < runs_.size(); ++i) add_mesh(i);
         // Room for splats: the rest of the page, and at least a tenth of it beside large meshes.
-        const std::size_t others = data_.size() + parts_.size() + kPageBytes;
+        const std::size_t others = data_.size() + cameras_html_.size() + kPageBytes;
         const std::size_t room = std::max(
             options_.max_bytes / 10, options_.max_bytes > others ? options_.max_bytes - others : 0);
         for (std::size_t i = 0; i < runs_.size(); ++i)
@@ -203,12 +203,12 @@ private:
         about_.set("cameras", std::move(list));
         about_.set("start", start());
         about_.set("scene", scene_json(cameras_, runs_));
-        parts_ +=
-            str("<h2 id=\"cameras\">Cameras</h2>\n<p><span class=\"legend\"></span>training views",
-                any_test ? ", <span class=\"legend test\"></span>test views" : "",
-                ", <span class=\"legend chosen\"></span>chosen camera. Click a photograph to stand "
-                "at its camera.</p>\n<ul class=\"cameras\">\n",
-                items, "</ul>\n");
+        cameras_html_ =
+            str("<h2 id=\"cameras\">Cameras</h2>\n<ul "
+                "class=\"cameras\">\n",
+                items, "</ul>\n<p><span class=\"legend\"></span>training",
+                any_test ? " <span class=\"legend test\"></span>test" : "",
+                " <span class=\"legend chosen\"></span>chosen</p>\n");
     }
 
     void add_mesh(std::size_t i) {
@@ -249,6 +249,7 @@ private:
         about.set("near", run.train.render.near);
         about.set("low_pass", backbone->traits.low_pass_px2);
         about.set("least_alpha", kMinAlpha);
+        about.set("truth", run.truth ? 1.0 : 0.0);
         if (count > 0) {
             data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
             if (run.truth) {
@@ -291,22 +292,37 @@ private:
                              {"run", "splats", "SH degree", "drawn as", "mesh", "truth"}, rows_);
     }
 
-    std::string toggles() const {
+    /// Radio buttons: one of them is shown.
+    std::string modes() const {
         const bool mesh = std::any_of(runs_.begin(), runs_.end(),
                                       [](const ViewRun& r) { return !r.mesh.faces.empty(); });
         std::string text;
-        const auto add = [&](const char* name, const char* label, const char* key, bool on) {
-            text += str("<button type=\"button\" data-show=\"", name, "\" aria-pressed=\"",
-                        on ? "true" : "false", "\" aria-keyshortcuts=\"", key, "\">", label,
-                        "<kbd aria-hidden=\"true\">", key, "</kbd></button>");
+        const auto add = [&](const char* name, const char* label, const char* key) {
+            text += str("<label><input type=\"radio\" name=\"mode\" value=\"", name,
+                        "\" data-key=\"", key, "\"", text.empty() ? " checked" : "", "><span>",
+                        label, "</span><kbd aria-hidden=\"true\">", key, "</kbd></label>");
         };
-        add("splats", "Splats", "s", true);
-        add("centres", "Centres", "c", false);
-        if (mesh) add("mesh", "Mesh", "m", false);
-        if (full_ > 0) add("error", "Colours by error", "e", false);
-        add("cameras", "Cameras", "f", true);
-        if (has_photos_) add("photo", "Photograph", "p", true);
+        add("splats", "Splats", "s");
+        add("centres", "Centres", "c");
+        if (mesh) {
+            add("mesh", "Mesh", "m");
+            add("grey", "Grey mesh", "g");
+            add("normals", "Normals", "n");
+            add("wires", "Wires", "w");
+        }
+        if (full_ > 0 && mesh) add("error", "Mesh error", "e");
+        if (full_ > 0) add("centre-error", "Centre error", "x");
         return text;
+    }
+
+    std::string layers() const {
+        const auto button = [](const char* name, const char* label, const char* key) {
+            return str("<button type=\"button\" data-show=\"", name,
+                       "\" aria-pressed=\"true\" aria-keyshortcuts=\"", key, "\">", label,
+                       "<kbd aria-hidden=\"true\">", key, "</kbd></button>");
+        };
+        return button("cameras", "Cameras", "f") +
+               (has_photos_ ? button("photo", "Photograph", "p") : "");
     }
 
     std::string html() {
@@ -324,9 +340,11 @@ private:
             for (const std::uint8_t channel : {c.r, c.g, c.b})
                 palette += static_cast<char>(channel);
         }
+        about_.set("origin", list_of(options_.origin));
+        about_.set("unit", options_.metres ? "metres" : "units");
+        about_.set("follow", options_.follow ? 1.0 : 0.0);
         about_.set("runs", std::move(runs));
         about_.set("palette", base64(palette));
-        if (options_.follow) about_.set("origin", list_of(*options_.follow));
         std::string notes;
         for (const std::string& text : notes_)
             notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
@@ -340,11 +358,18 @@ private:
              {"notes", notes},
              {"view", escaped(str("View in 3D of ", summary, "."))},
              {"panes", panes_ + overlays_},
-             {"toggles", toggles()},
-             {"scale", full_ > 0 ? str("<div id=\"scale\" hidden><p>Distance to the true surface, "
-                                       "in scene units. Grey: not measured.</p>\n",
-                                       error_scale(full_), "</div>\n")
-                                 : ""},
+             {"modes", modes()},
+             {"layers", layers()},
+             {"photo", has_photos_ ? "<label>Opacity <input id=\"opacity\" type=\"range\" "
+                                     "min=\"0\" max=\"100\" value=\"50\"></label>"
+                                   : ""},
+             {"cameras", cameras_html_},
+             {"scale", full_ > 0
+                           ? str("<div id=\"scale\" hidden><p>Distance to the true surface, "
+                                 "in ",
+                                 options_.metres ? "metres" : "scene units",
+                                 ". Grey: not measured.</p>\n", error_scale(full_), "</div>\n")
+                           : ""},
              {"parts", parts_},
              {"version", escaped(kVersion)},
              {"about", json_for_page(about_)},
@@ -358,7 +383,7 @@ private:
     JsonValue about_ = JsonValue::object();
     std::vector<JsonValue> abouts_;  // of the runs
     std::vector<std::vector<std::string>> rows_;
-    std::string poster_, panes_, overlays_, parts_, data_;
+    std::string poster_, panes_, overlays_, cameras_html_, parts_, data_;
     std::vector<std::string> notes_;
     double full_ = 0;  // end of the error colour scale; 0: no truth
     bool has_photos_ = false;

@@ -36,9 +36,9 @@ struct ViewPageOptions {
     std::size_t max_bytes = 40'000'000;  // of the page, approximately
     int max_splats = 50'000'000;         // per run
     int max_photos = 60;
-    /// The page follows a running training through its server; the value is the origin of the
-    /// page's frame in the scene's frame.
-    std::optional<Vec3d> follow{};
+    bool follow = false;  // the page follows a running training through its server
+    Vec3d origin{};       // of the page's frame, in the scene's frame
+    bool metres = false;  // the scene's unit is the metre
 };
 
 struct ViewPage {

@@ -190,6 +190,13 @@ ViewRun read_run(const std::string& path,
     return run;
 }
 
+/// Whether the scene was put in place (georeference.json) or scaled by markers (prepare.json).
+bool in_metres(const std::string& run, const std::string& scene) {
+    const std::string prepared = scene + "/prepare.json";
+    return exists(run + "/georeference.json") || exists(scene + "/georeference.json") ||
+           (exists(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
+}
+
 }  // namespace
 
 ViewSubject read_view_subject(const ViewInput& input) {
@@ -201,6 +208,9 @@ ViewSubject read_view_subject(const ViewInput& input) {
     const Vec3d origin = subject.origin = local_origin(centres);
     for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
     if (!input.scene.empty()) first.scene.path = input.scene;
+    if_possible(
+        "the unit", [&] { subject.metres = in_metres(input.runs.front(), first.scene.path); },
+        input.whole, &subject.missing);
     const auto read = [&] {
         add_photographs(subject.cameras, read_scene_of_run(first.scene, input.runs.front()));
     };

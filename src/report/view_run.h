@@ -26,6 +26,7 @@ struct ViewSubject {
     std::vector<ViewRun> runs;
     std::vector<ViewCamera> cameras;
     Vec3d origin;                      // of the frame, in the scene's frame
+    bool metres = false;               // the scene's unit is known to be the metre
     std::vector<std::string> missing;  // parts left out, with reasons
 };
 

@@ -58,6 +58,18 @@ TEST_F(ViewCommand, APageHasAllThatTheRunHas) {
     EXPECT_EQ(page, contents(folder_ / "page.html")) << "the same bytes, also on one thread";
 }
 
+TEST_F(ViewCommand, DistancesAreInMetresIfTheSceneIs) {
+    fs::copy(folder_ / "run", folder_ / "placed", fs::copy_options::recursive);
+    for (const std::string unit : {"units", "metres"}) {
+        const Result result = run_tool(folder_, "view", "placed --out placed.html");
+        ASSERT_EQ(result.code, 0) << result;
+        EXPECT_NE(contents(folder_ / "placed.html").find("\"unit\": \"" + unit + "\""),
+                  std::string::npos)
+            << unit;
+        std::ofstream(folder_ / "placed/georeference.json") << "{}";
+    }
+}
+
 TEST_F(ViewCommand, TwoRunsAreInOnePage) {
     fs::copy(folder_ / "run", folder_ / "other", fs::copy_options::recursive);
     const Result result = run_tool(folder_, "view", "run other --out two.html --max-splats 100");

@@ -140,8 +140,13 @@ if (typeof Viewer === 'undefined') {
     patiently((async () => {
       const pause = ms => new Promise(done => setTimeout(done, ms));
       await pause(100);
-      this.goTo(0);  // the slider of the photograph, and the scale of errors
-      if (document.querySelector('button[data-show=error]')) this.toggle('error');
+      this.canvas.blur();
+      this.goTo(0);  // the slider of the photograph, the scale of errors, tools, dialogs
+      this.setMode('error');
+      this.cut();
+      this.fold(false);
+      element('copied').hidden = false;
+      for (const dialog of document.querySelectorAll('dialog')) dialog.open = true;
       do await pause(50); while (this.flight || this.camera < 0);
       report();
     })());

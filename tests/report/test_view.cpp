@@ -305,8 +305,8 @@ TEST_F(ViewInBrowser, MeshesCoverTheirPixelsAndErrorsHaveTheirColours) {
     const fs::path file = folder("mesh") / "page.html";
     write_text_file(file, view_page(std::move(runs), cameras).html);
     const JsonValue own = test_of_page(file, "?test=1&show=mesh"),
-                    error = test_of_page(file, "?test=1&show=mesh%20error"),
-                    centres = test_of_page(file, "?test=1&show=centres%20error");
+                    error = test_of_page(file, "?test=1&show=error"),
+                    centres = test_of_page(file, "?test=1&show=centre-error");
     for (const JsonValue* result : {&own, &error, &centres})
         ASSERT_EQ((*result)["pixels"].items.size(), 1u) << (*result)["failed"].text;
     const auto inside = [&](int x, int y, double margin) {

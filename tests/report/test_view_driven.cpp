@@ -1,6 +1,7 @@
 // Pages of tvsgs-view under user input, and while they follow a training.
 #include <gtest/gtest.h>
 
+#include "core/math/quaternion.h"
 #include "io/files/atomic_file.h"
 #include "io/splats/spz.h"
 #include "report/pictures.h"
@@ -31,7 +32,7 @@ async function drive(viewer) {
   point('pointerup', 1, 140, 100); point('pointerup', 2, 240, 100); point('pointermove', 1, 10, 10); note('released');
   key('Home'); await rest(); canvas.blur(); note('home');
   const wheel = () => canvas.dispatchEvent(new WheelEvent('wheel', {deltaY: 100, cancelable: true}));
-  wheel(); note('unfocused'); canvas.focus(); wheel(); note('wheel');
+  wheel(); note('wheel');
   document.querySelector('button[data-camera="0"]').click(); await rest(); await rest(); note('camera');
   const cloud = viewer.renderer.runs[0].cloud;
   await patiently((async () => {  // until it has come to rest, the order is that of the view
@@ -47,9 +48,13 @@ async function drive(viewer) {
   seen.current = document.querySelector('button[aria-current]').dataset.camera;
   key(']'); await rest(); seen.next = viewer.camera;
   key('ArrowLeft'); await rest(); seen.after = viewer.camera; seen.hidden = photo.hidden;
-  key('s'); seen.splats = document.querySelector('button[data-show=splats]').getAttribute('aria-pressed');
-  key('c'); seen.centres = viewer.show.centres;
-  key('m'); seen.mesh = viewer.show.mesh;  // there is none
+  const button = document.querySelector('button[data-show=photo]');
+  seen.without = [button.disabled, element('why').textContent].join(); key('Enter'); await rest(); await rest(); seen.with = button.disabled;
+  key('c'); seen.centres = viewer.mode + modeInput('centres').checked;
+  key('m'); seen.mesh = viewer.mode;  // there is none
+  key('f'); seen.cameras = viewer.show.cameras;
+  element('opacity').value = 90; key('0'); await rest();
+  seen.again = [viewer.mode, viewer.show.cameras, viewer.show.photo, element('opacity').value].join();
   const out = document.createElement('pre');
   out.id = 'seen';
   out.textContent = JSON.stringify(seen);
@@ -75,16 +80,181 @@ async function drive(viewer) {
     EXPECT_EQ(at("reset"), at("start"));
     EXPECT_NE(at("pinched"), at("dragged"));
     EXPECT_EQ(at("released"), at("pinched"));
-    EXPECT_EQ(at("unfocused"), at("home")) << "the wheel is the page's until the view is chosen";
     EXPECT_NE(at("status").find("Camera 1 of 2: left.jpg"), std::string::npos) << at("status");
     EXPECT_LT(seen["photo"].number_or(1e9), 1) << "px: the photograph lies where its camera saw it";
     EXPECT_EQ(at("current"), "0");
     EXPECT_EQ(seen["next"].number_or(9), 1);
     EXPECT_EQ(seen["after"].number_or(9), -1) << "moving on takes the photograph away";
     EXPECT_EQ(seen["hidden"].number, 1);
-    EXPECT_EQ(at("splats"), "false");
-    EXPECT_EQ(seen["centres"].number, 1);
-    EXPECT_TRUE(seen["mesh"].is(JsonValue::Kind::boolean) && seen["mesh"].number == 0);
+    EXPECT_EQ(at("without"), "true,Choose a camera first.");
+    EXPECT_EQ(seen["with"].number, 0);
+    EXPECT_EQ(at("centres"), "centrestrue");
+    EXPECT_EQ(at("mesh"), "centres");
+    EXPECT_EQ(seen["cameras"].number, 0);
+    EXPECT_EQ(at("again"), "splats,true,true,50") << "0 resets all that is shown";
+}
+
+/// A tilted square around `middle` of splats and of triangles, and other splats one unit behind it.
+ViewRun plane_run(Vec3f middle, Vec3f across, Vec3f down, Vec3f normal) {
+    constexpr int kSide = 24;
+    Gaussians<Cpu> g;
+    resize(g, 2 * kSide * kSide, 0);
+    Mat3<double> R;
+    for (int r = 0; r < 3; ++r)
+        R[r][0] = double(across[r]), R[r][1] = double(down[r]), R[r][2] = double(normal[r]);
+    for (std::size_t i = 0; i < g.means.size(); ++i) {
+        const int k = static_cast<int>(i) % (kSide * kSide);
+        const auto at = [](int n) { return 2.2f * static_cast<float>(n) / (kSide - 1) - 1.1f; };
+        g.means[i] = middle + at(k % kSide) * across + at(k / kSide) * down;
+        if (i >= kSide * kSide) g.means[i] = g.means[i] + normal;
+        g.log_scales[i] = {-2.5f, -2.5f, -7};
+        g.quats[i] = quat_cast<float>(quaternion(R));
+        g.opacity_logits[i] = -0.5f;
+        g.sh[i] = {1, 1, 1};
+    }
+    ViewRun run = run_of("run", "ewa", std::move(g));
+    for (const float x : {-1.1f, 1.1f})
+        for (const float y : {-1.1f, 1.1f})
+            run.mesh.vertices.push_back(middle + x * across + y * down);
+    run.mesh.faces = {{0, 1, 2}, {2, 1, 3}};
+    run.mesh_faces = 2;
+    return run;
+}
+
+TEST_F(ViewInBrowser, PointsOnTheSurfaceLinksAndLimits) {
+    const std::string script = R"JS(<script>
+window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 60);
+const begin = Viewer.prototype.begin, seen = {};
+Viewer.prototype.begin = function() { begin.call(this); drive(this); };
+async function drive(viewer) {
+  const canvas = element('canvas'), pause = ms => new Promise(done => setTimeout(done, ms));
+  const rest = async () => { do await pause(50); while (viewer.flight); };
+  const key = k => canvas.dispatchEvent(new KeyboardEvent('keydown', {key: k, cancelable: true}));
+  canvas.setPointerCapture = () => {};  // there is no such pointer
+  const [A, B, normal] = points, apart = norm(minus(A, B));
+  const pixel = place => {
+    const box = viewer.panes[0].getBoundingClientRect();
+    const [x, y, z] = projected(viewer.view, lensIn(viewer.view, box.width, box.height), place);
+    return [box.left + x / z, box.top + y / z];
+  };
+  const click = place => {
+    const [clientX, clientY] = pixel(place);
+    for (const type of ['pointerdown', 'pointerup']) canvas.dispatchEvent(new PointerEvent(type, {pointerId: 1, clientX, clientY}));
+  };
+  viewer.still = {matches: true};  // no flights
+  await rest();
+  seen.status = element('status').textContent, seen.mode = viewer.mode;
+  key('f');
+  for (const mode of ['s', 'm']) {
+    key(mode); key('d'); click(A); click(B);
+    seen['distance' + mode] = Math.abs(norm(minus(...viewer.points)) - apart);
+    seen['place' + mode] = norm(minus(viewer.points[1], B));
+    seen['text' + mode] = element('status').textContent;
+    key('Escape');
+  }
+  click(A); click(A);
+  seen.pivot = norm(minus(viewer.view.pivot, A));
+  const before = pixel(A);
+  for (let i = 0; i < 4; ++i) key('ArrowLeft');
+  seen.turned = Math.hypot(...minus([...pixel(A), 0], [...before, 0]));
+  key('b'); viewer.box.high[0] = 0; viewer.stateOfBox();
+  click(A); click(A);
+  seen.cut = element('status').textContent, seen.box = viewer.boxNumbers().join();
+  key('g');
+  const linked = viewer.view, box = JSON.stringify(viewer.box);
+  const numbers = v => [...v.centre, ...v.rows.flat(), ...v.pivot, v.lens.fx];
+  const open = address => {
+    viewer.view = viewer.home, viewer.mode = 'splats', viewer.box = null, viewer.camera = -1;
+    for (const name of ['show', 'camera', 'view', 'zoom', 'box']) query.delete(name);
+    for (const [name, value] of new URLSearchParams(address.split('?')[1])) query.set(name, value);
+    return viewer.readAddress().join();
+  };
+  seen.unread = open(viewer.link());
+  seen.link = Math.max(...numbers(linked).map((x, i) => Math.abs(x - numbers(viewer.view)[i])));
+  seen.linked = [viewer.mode, Math.max(...[...viewer.box.low, ...viewer.box.high].map((x, i) => Math.abs(x - Object.values(JSON.parse(box)).flat()[i]))) < 1e-5].join();
+  seen.bad = open('?view=1,0,0,0,0,0,0,0,0,0,0,0&box=1,1,1,0,2,2&zoom=-1&camera=1.5');
+  open('?camera=2&zoom=3');
+  seen.zoom = viewer.view.distance / viewOf(about.cameras[1], about.scene).distance;
+  key('0'); await rest();
+  const side = () => dot(minus(viewer.view.centre, A), normal);
+  seen.before = side();
+  for (let i = 0; i < 30; ++i) key('+');
+  seen.near = side(), seen.nearest = element('status').textContent;
+  for (let i = 0; i < 45; ++i) key('-');
+  seen.far = norm(viewer.view.centre), seen.farthest = element('status').textContent;
+  key('0'); await rest();
+  let frames = 0;
+  const draw = viewer.draw;
+  viewer.draw = now => { ++frames; draw.call(viewer, now); };
+  await pause(500);
+  const {cloud} = viewer.renderer.runs[0];
+  await patiently((async () => { for (let i = 0; i < 50 && (cloud.sorting || viewer.asked); ++i) await pause(20); })());
+  frames = 0;
+  await pause(500);
+  seen.frames = frames;
+  HTMLAnchorElement.prototype.click = function() { seen.file = this.download; };
+  HTMLCanvasElement.prototype.toBlob = function(done) {
+    const [x, y] = pixel(A), scale = this.width / innerWidth;
+    seen.pixel = this.getContext('2d').getImageData(Math.round(x * scale), Math.round(y * scale), 1, 1).data[0];
+    done(new Blob());
+  };
+  key('i');
+  const out = document.createElement('pre');
+  out.id = 'seen';
+  out.textContent = JSON.stringify(seen);
+  document.body.append(out);
+}
+</script>)JS";
+    const Vec3f normal = normalize(Vec3f{0.5f, -0.3f, 1}),
+                across = normalize(cross(Vec3f{0, 1, 0}, normal)), down = cross(normal, across),
+                middle = -0.7f * normal;  // in front of the pivot of the first view
+    const auto list = [](Vec3f v) { return str("[", v.x, ",", v.y, ",", v.z, "]"); };
+    const std::string points =
+        str("<script>const points = [", list(middle + 0.5f * across - 0.3f * down), ",",
+            list(middle + 0.4f * down - 0.6f * across), ",", list(normal), "];</script>");
+    std::vector<ViewRun> runs;
+    runs.push_back(plane_run(middle, across, down, normal));
+    ViewPageOptions options;
+    options.origin = {10, 0, 0}, options.metres = true;
+    std::string page = view_page(std::move(runs), two_cameras(), options).html;
+    const fs::path file = folder("points") / "page.html";
+    write_text_file(file, page.insert(page.rfind("</body>"), points + script));
+    const std::string html = page_in_browser(file, "?wait&show=bogus&camera=99&zoom=2",
+                                             "--window-size=420,420"),
+                      text = text_of(html, "seen");
+    ASSERT_FALSE(text.empty()) << text_of(html, "status")
+                               << contents(file.parent_path() / "err.txt");
+    const JsonValue seen = parse_json_value(text, "seen");
+    const auto number = [&](const char* name) { return seen[name].number_or(1e9); };
+    const auto says = [&](const char* name, const char* words) {
+        EXPECT_NE(seen[name].text.find(words), std::string::npos)
+            << name << ": " << seen[name].text;
+    };
+    says("status", "Not understood in the address, and left out: show=bogus, camera=99.");
+    EXPECT_EQ(seen["mode"].text, "splats");
+    // A pixel is 0.01 wide. Splats behind the surface would add 0.3.
+    EXPECT_LT(number("distances"), 1e-3);
+    EXPECT_LT(number("places"), 1e-3);
+    EXPECT_LT(number("distancem"), 1e-3);
+    EXPECT_LT(number("placem"), 1e-3);
+    says("textm", " metres.");
+    EXPECT_LT(number("pivot"), 1e-3);
+    EXPECT_LT(number("turned"), 0.1) << "px: the view turns about the point that was clicked";
+    says("cut", "No surface here");
+    EXPECT_EQ(seen["box"].text.find("8."), 0u) << "in the scene's frame: " << seen["box"].text;
+    EXPECT_EQ(seen["unread"].text, "");
+    EXPECT_LT(number("link"), 1e-4);
+    EXPECT_EQ(seen["linked"].text, "grey,true");
+    EXPECT_EQ(seen["bad"].text, "camera=1.5,view=1,0,0,0,0,0,0,0,0,0,0,0,zoom=-1,box=1,1,1,0,2,2");
+    EXPECT_NEAR(number("zoom"), 3, 1e-6);
+    EXPECT_GT(number("near") * number("before"), 0) << "in front of the surface";
+    EXPECT_LT(std::abs(number("near")), 0.2 * std::abs(number("before")));
+    says("nearest", "nearest view");
+    EXPECT_LT(number("far"), 25);
+    says("farthest", "farthest view");
+    EXPECT_EQ(number("frames"), 0) << "drawn at rest";
+    EXPECT_EQ(seen["file"].text, "run-splats.png");
+    EXPECT_GT(number("pixel"), 100);
 }
 
 TEST_F(ViewInBrowser, SplatsAreOrderedFromBackToFront) {
@@ -179,7 +349,8 @@ Viewer.prototype.begin = function() {
     std::vector<ViewRun> runs;
     runs.push_back(run_of("run", "ewa", std::move(none)));
     ViewPageOptions options;
-    options.follow = Vec3d{7, 0, -1};  // where the page's frame is; the snapshots' is at 7 0 0
+    options.follow = true;
+    options.origin = {7, 0, -1};  // of the page's frame; the snapshots' is at 7 0 0
     std::string page = view_page(std::move(runs), two_cameras(), options).html;
     EXPECT_NE(page.find("connect-src 'self'"), std::string::npos);
     const fs::path file = folder("followed") / "page.html";

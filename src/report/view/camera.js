@@ -1,6 +1,7 @@
 // Moves the camera. A view has: `rows` of camera_from_world (right, down, forward), `centre`, the
 // `lens` of a picture {width, height, fx, fy, cx, cy} that is fitted into the canvas, the `pivot`
-// of rotations, and its `distance`.
+// of rotations, and its `distance`. `bounded`: the pivot does not lie behind a surface;
+// `chosen`: the user chose it.
 'use strict';
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -53,14 +54,29 @@ function turned(view, up, yaw, pitch) {
 function shifted(view, right, down) {
   const by = plus(
       plus([0, 0, 0], view.rows[0], right * view.distance), view.rows[1], down * view.distance);
-  return {...view, centre: plus(view.centre, by), pivot: plus(view.pivot, by)};
+  return {
+    ...view,
+    centre: plus(view.centre, by),
+    pivot: plus(view.pivot, by),
+    bounded: false,
+    chosen: false
+  };
 }
 
+/** Keeps the distance to the pivot between `scene.nearest` and `scene.farthest`. */
 function zoomed(view, factor, scene) {
-  const far = Math.min(Math.max(view.distance * factor, 1e-3 * scene.radius), 100 * scene.radius);
+  const far = Math.min(
+      Math.max(view.distance * factor, Math.min(scene.nearest, view.distance)),
+      Math.max(scene.farthest, view.distance));
   return withPivot(
       {...view, centre: plus(view.pivot, minus(view.centre, view.pivot), far / view.distance)},
       view.pivot);
+}
+
+/** Rows of a camera with this viewing direction; `right` need not be perpendicular to it. */
+function rowsOf(right, forward) {
+  const f = unit(forward), r = unit(plus(right, f, -dot(right, f)));
+  return [r, cross(f, r), f];
 }
 
 /** Interpolates between two views. */
@@ -69,12 +85,8 @@ function between(a, b, share) {
   const mixed = (x, y) => x.map((_, i) => mix(x[i], y[i]));
   for (const key of ['width', 'height', 'fx', 'fy', 'cx', 'cy'])
     lens[key] = mix(a.lens[key], b.lens[key]);
-  const forward = unit(mixed(a.rows[2], b.rows[2]));
-  let right = mixed(a.rows[0], b.rows[0]);
-  right = unit(plus(right, forward, -dot(right, forward)));
-  return withPivot(
-      {rows: [right, cross(forward, right), forward], lens, centre: mixed(a.centre, b.centre)},
-      mixed(a.pivot, b.pivot));
+  const rows = rowsOf(mixed(a.rows[0], b.rows[0]), mixed(a.rows[2], b.rows[2]));
+  return withPivot({rows, lens, centre: mixed(a.centre, b.centre)}, mixed(a.pivot, b.pivot));
 }
 
 /** Homogeneous pixel coordinates of a point. */

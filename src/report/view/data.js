@@ -77,6 +77,18 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
   };
 }
 
+/** The box of most positions, without the outermost hundredth at each side. */
+function boxOf(positions) {
+  const n = positions.length / 3, step = Math.max(1, Math.floor(n / 20000));
+  const sorted = [0, 1, 2].map(a => {
+    const values = [];
+    for (let i = 0; i < n; i += step) values.push(positions[3 * i + a]);
+    return values.sort((x, y) => x - y);
+  });
+  const at = share => sorted.map(values => values[Math.round(share * (values.length - 1))] || 0);
+  return {low: at(0.01), high: at(0.99)};
+}
+
 /** Starts a worker from source text. */
 function workerOf(source) {
   const url = URL.createObjectURL(new Blob([source], {type: 'text/javascript'}));

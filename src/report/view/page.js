@@ -53,7 +53,7 @@ async function follow(viewer) {
       if (state.live)
         note(
             `Training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
-            `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
+            `${count(state.gaussians)} splats, ${count(state.seconds)} s, colours simplified` +
             (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
     } catch (error) {
       note(`No answer from tvsgs-view (${error.message}); is it still running?`, true);
@@ -87,7 +87,6 @@ async function test(viewer) {
   const renderer = viewer.renderer, gl = renderer.gl;
   const camera = about.cameras[Number(query.get('test'))];
   const size = name => Number(query.get(name) || camera[name]);
-  viewer.showOnly(query.get('show') || 'splats');
   const view = viewOf(camera, about.scene), results = [];
   for (const run of renderer.runs) {
     await new Promise(resolve => {
@@ -98,7 +97,7 @@ async function test(viewer) {
       else
         renderer.sort(run.cloud, run.about.near, view, true);
     });
-    const pixels = renderer.picture(run, view, size('width'), size('height'), viewer.show);
+    const pixels = renderer.picture(run, view, size('width'), size('height'), viewer.shown);
     let text = '';
     for (const byte of pixels) text += String.fromCharCode(byte);
     results.push(btoa(text));
@@ -116,6 +115,7 @@ async function test(viewer) {
 
 async function main() {
   let result;
+  document.body.classList.remove('plain');
   try {
     const renderer = new Renderer(element('canvas'), Number(query.get('bits')));
     const viewer = new Viewer(renderer);
@@ -124,9 +124,7 @@ async function main() {
       result = await patiently(test(viewer));
     } else {
       viewer.begin();
-      say('Drag to turn. Click first for keys and wheel. On touch: one finger turns, two move and zoom.');
-      if (about.origin) follow(viewer);
-      if (query.has('camera')) viewer.goTo((Number(query.get('camera')) || 1) - 1);
+      if (about.follow) follow(viewer);
     }
   } catch (error) {
     fail(`No view in 3D: ${error.message}. The pictures below work without it.`);

@@ -111,6 +111,7 @@ class Renderer {
     gl.vertexAttribDivisor(0, 1);
     gl.bindVertexArray(null);
 
+    cloud.box = boxOf(splats.positions);
     cloud.worker = workerOf(`(${sorter})()`);
     cloud.worker.postMessage({positions: splats.positions}, [splats.positions.buffer]);
     cloud.sorting = false, cloud.sortedFor = null, cloud.spare = null;
@@ -135,7 +136,7 @@ class Renderer {
 
   addMesh(run, mesh) {
     const gl = this.gl;
-    run.mesh = gl.createVertexArray(), run.indices = mesh.faces.length;
+    run.mesh = gl.createVertexArray(), run.faces = mesh.faces;
     gl.bindVertexArray(run.mesh);
     const attribute = (at, data, type) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -145,8 +146,14 @@ class Renderer {
     };
     attribute(0, mesh.positions, gl.UNSIGNED_SHORT);
     attribute(1, mesh.looks, gl.UNSIGNED_BYTE);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.faces, gl.STATIC_DRAW);
+    run.triangles = this.indexBuffer(mesh.faces);
+  }
+
+  indexBuffer(indices) {
+    const gl = this.gl, buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    return buffer;
   }
 
   /** Requests sorting for the view, unless the present order is exact, or close enough. */
@@ -195,13 +202,15 @@ class Renderer {
     gl.uniform1i(at, unit);
   }
 
-  setView(at, view, lens, width, height, near) {
+  setView(at, view, lens, width, height, near, box) {
     const gl = this.gl, [r, d, f] = view.rows, c = view.centre;
     gl.uniform3fv(at.uRight, r), gl.uniform3fv(at.uDown, d), gl.uniform3fv(at.uForward, f);
     gl.uniform3f(at.uOffset, -dot(r, c), -dot(d, c), -dot(f, c));
     gl.uniform4f(at.uLens, lens.fx, lens.fy, lens.cx, lens.cy);
     gl.uniform2f(at.uSize, width, height);
     gl.uniform1f(at.uNear, near);
+    gl.uniform3fv(at.uLow, box ? box.low : [-1e38, -1e38, -1e38]);
+    gl.uniform3fv(at.uHigh, box ? box.high : [1e38, 1e38, 1e38]);
   }
 
   /** Updates the splat colours; they depend only on the camera's centre and the kind of colours. */
@@ -220,7 +229,7 @@ class Renderer {
     this.bind(3, gl.TEXTURE_2D, run.palette, at.uPalette);
     gl.uniform1i(at.uCount, cloud.count);
     gl.uniform1i(at.uCoefficients, (cloud.degree + 1) * (cloud.degree + 1) - 1);
-    gl.uniform1i(at.uErrors, show.error);
+    gl.uniform1i(at.uErrors, Boolean(show.error));
     gl.uniform3fv(at.uCentre, view.centre);
     gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
     gl.viewport(0, 0, kPerRow, cloud.rows);
@@ -229,55 +238,122 @@ class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** Blends a run into the lower left part of the target; `width` and `height` must fit in it. */
+  /**
+   * Draws a run into the lower left part of the target; `width` and `height` must fit in it.
+   * `show`: a mode of the view, and the box of the cut.
+   */
   drawRun(run, view, width, height, show) {
     const gl = this.gl, lens = lensIn(view, width, height);
     if (show.splats || show.centres) this.colorSplats(run, view, show);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.frame);
+    this.clear(width, height);
+    if (show.mesh && run.mesh && show.look === 'wire') {
+      gl.enable(gl.POLYGON_OFFSET_FILL);
+      gl.polygonOffset(1, 1);
+      this.drawMesh(run, view, lens, width, height, show.box, 'fill');
+      gl.disable(gl.POLYGON_OFFSET_FILL);
+    }
+    if (show.mesh && run.mesh) this.drawMesh(run, view, lens, width, height, show.box, show.look);
+    if (show.splats || show.centres) this.drawSplats(run, view, lens, width, height, show);
+  }
+
+  clear(width, height) {
+    const gl = this.gl;
     gl.viewport(0, 0, width, height);
-    gl.depthMask(true);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const meshed = show.mesh && run.mesh;
-    if (meshed) {
-      const {handle, at} = this.programs.mesh, {low, high} = run.about.mesh;
-      gl.useProgram(handle);
-      this.setView(at, view, lens, width, height, run.about.near);
-      this.bind(0, gl.TEXTURE_2D, run.palette, at.uPalette);
-      gl.uniform3fv(at.uLow, low);
-      gl.uniform3f(at.uSpan, high[0] - low[0], high[1] - low[1], high[2] - low[2]);
-      gl.uniform1i(at.uErrors, show.error);
-      gl.disable(gl.BLEND);
-      gl.enable(gl.DEPTH_TEST);
-      gl.bindVertexArray(run.mesh);
-      gl.drawElements(gl.TRIANGLES, run.indices, gl.UNSIGNED_INT, 0);
-    }
-    if ((show.splats || show.centres) && run.cloud.drawn > 0) {
-      const {handle, at} = run.about.discs ? this.programs.discs : this.programs.ellipses;
-      gl.useProgram(handle);
-      this.setView(at, view, lens, width, height, run.about.near);
-      this.bind(0, gl.TEXTURE_2D, run.cloud.places, at.uPlaces);
-      this.bind(1, gl.TEXTURE_2D, run.cloud.shapes, at.uShapes);
-      this.bind(2, gl.TEXTURE_2D, run.cloud.colors, at.uColors);
-      const u = [-lens.cx / lens.fx, (width - lens.cx) / lens.fx],
-            v = [-lens.cy / lens.fy, (height - lens.cy) / lens.fy];
-      const du = 0.15 * width / lens.fx, dv = 0.15 * height / lens.fy;
-      gl.uniform4f(at.uClamp, u[0] - du, u[1] + du, v[0] - dv, v[1] + dv);
-      gl.uniform1f(at.uLowPass, run.about.low_pass);
-      gl.uniform1f(at.uLeast, run.about.least_alpha);
-      gl.uniform1i(at.uDots, show.centres);
-      gl.enable(gl.BLEND);
-      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-      gl.depthMask(false);
-      if (meshed)
-        gl.enable(gl.DEPTH_TEST);
-      else
-        gl.disable(gl.DEPTH_TEST);
-      gl.bindVertexArray(run.cloud.quads);
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.cloud.drawn);
+  }
+
+  drawMesh(run, view, lens, width, height, box, look) {
+    const gl = this.gl, {handle, at} = this.programs.mesh, {low, high} = run.about.mesh;
+    gl.useProgram(handle);
+    this.setView(at, view, lens, width, height, run.about.near, box);
+    this.bind(0, gl.TEXTURE_2D, run.palette, at.uPalette);
+    gl.uniform3fv(at.uCorner, low);
+    gl.uniform3fv(at.uSpan, minus(high, low));
+    gl.uniform1i(at.uLook, looks[look]);
+    gl.enable(gl.DEPTH_TEST);
+    gl.bindVertexArray(run.mesh);
+    if (look === 'wire') {
+      const next = i => i % 3 === 2 ? i - 2 : i + 1;
+      run.edges = run.edges ||
+          this.indexBuffer(new Uint32Array(2 * run.faces.length)
+                               .map((_, k) => run.faces[k % 2 ? next(k >> 1) : k >> 1]));
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, run.edges);
+      gl.drawElements(gl.LINES, 2 * run.faces.length, gl.UNSIGNED_INT, 0);
+    } else {
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, run.triangles);
+      gl.drawElements(gl.TRIANGLES, run.faces.length, gl.UNSIGNED_INT, 0);
     }
     gl.disable(gl.DEPTH_TEST);
+  }
+
+  /** `probe`: {pixel, bins} of the shaders, or nothing. */
+  drawSplats(run, view, lens, width, height, show, probe) {
+    if (run.cloud.drawn === 0) return;
+    const gl = this.gl,
+          {handle, at} = run.about.discs ? this.programs.discs : this.programs.ellipses;
+    gl.useProgram(handle);
+    this.setView(at, view, lens, width, height, run.about.near, show.box);
+    this.bind(0, gl.TEXTURE_2D, run.cloud.places, at.uPlaces);
+    this.bind(1, gl.TEXTURE_2D, run.cloud.shapes, at.uShapes);
+    this.bind(2, gl.TEXTURE_2D, run.cloud.colors, at.uColors);
+    const u = [-lens.cx / lens.fx, (width - lens.cx) / lens.fx],
+          v = [-lens.cy / lens.fy, (height - lens.cy) / lens.fy];
+    const du = 0.15 * width / lens.fx, dv = 0.15 * height / lens.fy;
+    gl.uniform4f(at.uClamp, u[0] - du, u[1] + du, v[0] - dv, v[1] + dv);
+    gl.uniform1f(at.uLowPass, run.about.low_pass);
+    gl.uniform1f(at.uLeast, run.about.least_alpha);
+    gl.uniform1i(at.uDots, Boolean(show.centres && !probe));
+    gl.uniform1i(at.uProbe, Boolean(probe));
+    gl.uniform2fv(at.uPixel, probe ? probe.pixel : [0, 0]);
+    gl.uniform2fv(at.uBins, probe ? probe.bins : [0, 0]);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.bindVertexArray(run.cloud.quads);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.cloud.drawn);
     gl.disable(gl.BLEND);
+  }
+
+  /**
+   * Depth of the surface at a pixel of a picture of that size, or 0. Splats: the depth where half
+   * of the pixel's opacity is reached.
+   */
+  depthAt(run, view, width, height, x, y, show) {
+    const gl = this.gl, lens = lensIn(view, width, height), probe = this.probe = this.probe || {
+      texture: this.flat(gl.RGBA8, kBins, 1),
+      depth: gl.createRenderbuffer(),
+      frame: gl.createFramebuffer(),
+      pixels: new Uint8Array(4 * kBins)
+    };
+    gl.bindFramebuffer(gl.FRAMEBUFFER, probe.frame);
+    gl.bindRenderbuffer(gl.RENDERBUFFER, probe.depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, kBins, 1);
+    const at = gl.FRAMEBUFFER;
+    gl.framebufferTexture2D(at, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, probe.texture, 0);
+    gl.framebufferRenderbuffer(at, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, probe.depth);
+    const read = n => gl.readPixels(0, 0, n, 1, gl.RGBA, gl.UNSIGNED_BYTE, probe.pixels);
+    if (show.mesh) {
+      if (!run.mesh) return 0;
+      this.clear(1, 1);
+      const shifted = {...lens, cx: lens.cx - x + 0.5, cy: lens.cy - y + 0.5};
+      this.drawMesh(run, view, shifted, 1, 1, show.box, 'depth');
+      read(1);
+      return new DataView(probe.pixels.buffer).getFloat32(0, true);
+    }
+    let low = run.about.near, range = Math.log(1e6), half = 0;
+    for (let pass = 0; pass < 2; ++pass) {
+      this.clear(kBins, 1);
+      this.drawSplats(run, view, lens, width, height, show, {pixel: [x, y], bins: [low, range]});
+      read(kBins);
+      const alpha = k => probe.pixels[4 * k + 3];
+      if (pass === 0) half = alpha(kBins - 1) / 2;
+      if (half < 20) return 0;  // of 255: nearly nothing is here
+      let bin = 0;
+      while (bin < kBins - 1 && alpha(bin) < half) ++bin;
+      low *= Math.exp(range * bin / kBins), range /= kBins;
+    }
+    return low;
   }
 
   /** Copies the result of drawRun() into a rectangle of `frame` (null: the canvas). */

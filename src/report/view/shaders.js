@@ -5,6 +5,18 @@
 const kVersion = '#version 300 es\nprecision highp float;\nprecision highp int;\n' +
     'precision highp usampler2D;\nprecision highp usampler2DArray;\n';
 
+/** Values of uLook: how a mesh is drawn. */
+const looks = {
+  colors: 0,
+  plain: 1,
+  normals: 2,
+  error: 3,
+  wire: 4,
+  fill: 5,
+  depth: 6
+};
+const kBins = 1024;  // depths of a probe
+
 const kSplatSource = `
 uniform usampler2D uPlaces, uShapes;
 ivec2 cellOf(uint splat) { return ivec2(int(splat & 1023u), int(splat >> 10)); }
@@ -69,9 +81,12 @@ uniform vec3 uRight, uDown, uForward, uOffset;  // camera_from_world
 uniform vec4 uLens, uClamp;                     // fx, fy, cx, cy in px; range of x/z and y/z
 uniform vec2 uSize;                             // px
 uniform float uNear, uLowPass, uLeast;
-uniform bool uDots;
+uniform vec3 uLow, uHigh;  // of the cut
+uniform bool uDots, uProbe;
+uniform vec2 uPixel;  // of a probe, px
 layout(location = 0) in uint aSplat;
 flat out vec4 vColor;
+flat out float vProbed;
 out vec2 vAt;
 vec3 place, p, scales, axisX, axisY, axisZ;
 float opacity, reach;
@@ -84,6 +99,8 @@ bool fetchSplat() {
   opacity = float(words.w >> 24) / 255.;
   vColor = vec4(texelFetch(uColors, cell, 0).rgb, opacity);
   gl_Position = vec4(2, 2, 2, 1);  // outside of the image
+  vProbed = 0.;
+  if (any(lessThan(place, uLow)) || any(greaterThan(place, uHigh))) return false;
   if (!(p.z > uNear) || !(opacity > uLeast)) return false;
   reach = sqrt(2. * log(opacity / uLeast));
   scales = exp(bytesOf(shape.x).xyz / 16. - 10.);
@@ -119,14 +136,29 @@ bool dotted() {
   put(projected() + 2. * vAt);
   return true;
 }
+/// Covers the probe's row; vProbed: depth where the ray of uPixel comes nearest to the centre, in
+/// deviations s.
+void probe(vec3 s) {
+  vec2 slope = (uPixel - uLens.zw) / uLens.xy;
+  vec3 ray = slope.x * uRight + slope.y * uDown + uForward;
+  vec3 to = p.x * uRight + p.y * uDown + p.z * uForward;
+  ray = vec3(dot(ray, axisX), dot(ray, axisY), dot(ray, axisZ)) / s;
+  to = vec3(dot(to, axisX), dot(to, axisY), dot(to, axisZ)) / s;
+  vProbed = dot(ray, to) / dot(ray, ray);
+  if (vProbed > uNear) gl_Position = vec4(corner(), 0, 1);
+}
 `;
 
 const kSplatFragmentHead = kVersion + `
 flat in vec4 vColor;
+flat in float vProbed;
 in vec2 vAt;
-uniform bool uDots;
+uniform bool uDots, uProbe;
+uniform vec2 uBins;  // depth where a probe's bins begin, and the logarithm of their range
 out vec4 color;
 void blend(float gauss) {
+  // The pixel of a bin sums the splats up to the end of the bin.
+  if (uProbe && vProbed > uBins.x * exp(uBins.y * ceil(gl_FragCoord.x) / ${kBins}.)) discard;
   float alpha = min(.99, vColor.a * gauss);
   if (!(alpha >= 1. / 255.)) discard;
   color = vec4(vColor.rgb * alpha, alpha);
@@ -159,6 +191,12 @@ void main() {
   float more = .5 * (xx + yy) + length(vec2(.5 * (xx - yy), xy)), less = det / more;
   vec2 axis = xx >= yy ? vec2(more - yy, xy) : vec2(xy, more - xx);
   axis = dot(axis, axis) > 0. ? normalize(axis) : vec2(1, 0);
+  if (uProbe) {
+    vec2 off = uPixel - projected();
+    vAt = vec2(dot(off, axis) / sqrt(more), dot(off, vec2(-axis.y, axis.x)) / sqrt(less));
+    if (dot(vAt, vAt) < reach * reach) probe(scales);
+    return;
+  }
   vAt = reach * corner();
   put(projected() + vAt.x * sqrt(more) * axis + vAt.y * sqrt(less) * vec2(-axis.y, axis.x));
 }`;
@@ -199,6 +237,12 @@ void main() {
   vec2 low = min(middle - extent, vDot - blur), high = max(middle + extent, vDot + blur);
   if (!(max(high.x - low.x, high.y - low.y) < 2e6)) return;
   vec2 centre = projected();
+  if (uProbe) {
+    vAt = uPixel - centre;
+    if (all(greaterThan(vAt, low)) && all(lessThan(vAt, high)))
+      probe(vec3(scales.xy, 1e-3 * min(scales.x, scales.y)));
+    return;
+  }
   low = max(low, -centre - 1.), high = min(high, uSize - centre + 1.);
   if (!(low.x < high.x && low.y < high.y)) return;
   vAt = mix(low, high, .5 * corner() + .5);
@@ -217,35 +261,49 @@ void main() {
 }`;
 
 const kMeshVertex = kVersion + `
-uniform vec3 uRight, uDown, uForward, uOffset, uLow, uSpan;
+uniform vec3 uRight, uDown, uForward, uOffset, uCorner, uSpan;
 uniform vec4 uLens;
 uniform vec2 uSize;
 uniform float uNear;
 layout(location = 0) in vec4 aPlace;
 layout(location = 1) in vec4 aLook;  // colour, then error
 out vec3 vPlace;
+out vec3 vWorld;
 out vec3 vColor;
 out float vError;
 void main() {
-  vec3 place = uLow + uSpan * aPlace.xyz;
+  vec3 place = uCorner + uSpan * aPlace.xyz;
   vec3 p = vec3(dot(uRight, place), dot(uDown, place), dot(uForward, place)) + uOffset;
-  vPlace = p, vColor = aLook.rgb, vError = aLook.a;
+  vPlace = p, vWorld = place, vColor = aLook.rgb, vError = aLook.a;
   gl_Position = vec4(2. * (uLens.x * p.x + uLens.z * p.z) / uSize.x - p.z,
                      p.z - 2. * (uLens.y * p.y + uLens.w * p.z) / uSize.y,
                      p.z - 2. * uNear, p.z);
 }`;
 const kMeshFragment = kVersion + `
 uniform sampler2D uPalette;
-uniform bool uErrors;
+uniform vec3 uLow, uHigh;  // of the cut
+uniform int uLook;
 in vec3 vPlace;
+in vec3 vWorld;
 in vec3 vColor;
 in float vError;
 out vec4 color;
 void main() {
-  vec3 normal = cross(dFdx(vPlace), dFdy(vPlace));
-  float facing = abs(dot(normalize(normal), normalize(vPlace)));
-  vec3 own = uErrors ? texelFetch(uPalette, ivec2(int(255. * vError + .5), 0), 0).rgb : vColor;
-  color = vec4(own * mix(.45, 1., facing), 1);
+  vec3 normal = normalize(cross(dFdx(vPlace), dFdy(vPlace)));
+  if (any(lessThan(vWorld, uLow)) || any(greaterThan(vWorld, uHigh))) discard;
+  float facing = dot(normal, normalize(vPlace));
+  if (facing > 0.) normal = -normal;  // towards the camera
+  vec3 own = vColor;
+  if (uLook == ${looks.plain}) own = vec3(.85);
+  if (uLook == ${looks.error}) own = texelFetch(uPalette, ivec2(int(255. * vError + .5), 0), 0).rgb;
+  color = vec4(own * mix(.45, 1., abs(facing)), 1);
+  if (uLook == ${looks.normals}) color.rgb = .5 + .5 * vec3(normal.x, -normal.yz);
+  if (uLook == ${looks.fill}) color.rgb = vec3(.1);
+  if (uLook == ${looks.wire}) color.rgb = vec3(.6, .85, 1);
+  if (uLook == ${looks.depth}) {
+    uint bits = floatBitsToUint(vPlace.z);
+    color = vec4(bits & 255u, bits >> 8 & 255u, bits >> 16 & 255u, bits >> 24) / 255.;
+  }
 }`;
 
 /** Draws the sums of a pane to the canvas, over black. */

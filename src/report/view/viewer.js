@@ -1,22 +1,88 @@
-// The user interface: panes, keys, buttons, cameras, photographs.
+// The user interface: panes, keys, buttons, cameras, photographs, tools.
 'use strict';
 
 const element = id => document.getElementById(id);
 const about = JSON.parse(element('about').textContent);
 const query = new URLSearchParams(location.search);
+const touch = matchMedia('(pointer: coarse)').matches;
+const narrow = () => innerWidth <= 600;  // as in page.css
+
+/** Exactly one of these is shown; names as in the page's radio buttons and in its address. */
+const modes = {
+  splats: {splats: true},
+  centres: {centres: true},
+  mesh: {mesh: true, look: 'colors'},
+  grey: {mesh: true, look: 'plain'},
+  normals: {mesh: true, look: 'normals'},
+  wires: {mesh: true, look: 'wire'},
+  error: {mesh: true, look: 'error', error: true},
+  'centre-error': {centres: true, error: true}
+};
+const modeInput = name => document.querySelector(`input[name=mode][value="${name}"]`);
+const modeLabel = name => modeInput(name).nextElementSibling.textContent;
 
 class Viewer {
   constructor(renderer) {
     this.renderer = renderer, this.stage = element('stage'), this.canvas = element('canvas');
-    this.panes = [...document.querySelectorAll('.pane')];
-    this.show =
-        {splats: true, mesh: false, error: false, centres: false, cameras: true, photo: true};
-    this.camera = -1;  // index of the camera whose photograph is shown
+    this.panes = [...document.querySelectorAll('.pane')], this.opacity = element('opacity');
+    this.mode = 'splats', this.show = {cameras: true, photo: true};
+    this.box = null;                           // {low, high}: what lies outside is cut off
+    this.measuring = false, this.points = [];  // at most two
+    this.camera = -1;                          // index of the camera whose photograph is shown
     this.selected = about.start;
-    this.home = viewOf(about.cameras[about.start], about.scene);
+    const scene = about.scene, away = c => norm(minus(c.centre, scene.middle));
+    scene.nearest = 1.5 * Math.max(...about.runs.map(run => run.near));
+    scene.farthest = 4 * Math.max(scene.radius, ...about.cameras.map(away));
+    this.home = viewOf(about.cameras[about.start], scene);
     this.view = this.home;
-    this.scale = 1, this.movedAt = 0, this.frames = 0, this.asked = false;
+    this.unread = this.readAddress();
+    this.scale = 1, this.movedAt = 0, this.lookedAt = -1e9, this.frames = 0, this.asked = false;
     this.still = matchMedia('(prefers-reduced-motion: reduce)');
+  }
+
+  /** Mode and box as the renderer needs them. */
+  get shown() { return {...modes[this.mode], box: this.box}; }
+
+  /** Sets the view of the page's address; returns the parts that are not understood. */
+  readAddress() {
+    const unread = [], read = (name, size, use) => {
+      if (!query.has(name)) return;
+      const text = query.get(name), values = text.split(',').map(Number);
+      const fits =
+          size === 0 || (text.trim() && values.length === size && values.every(Number.isFinite));
+      if (!fits || use(size ? values : text) === false) unread.push(`${name}=${text}`);
+    };
+    read('show', 0, name => Boolean(modes[name] && modeInput(name)) && (this.mode = name));
+    read('camera', 1, ([n]) => {
+      if (!about.cameras[n - 1]) return false;
+      this.camera = this.selected = n - 1;
+      this.view = viewOf(about.cameras[n - 1], about.scene);
+    });
+    read('view', 12, v => {
+      const part = i => v.slice(3 * i, 3 * i + 3), rows = rowsOf(part(1), part(2));
+      if (Math.abs(norm(rows[0]) - 1) + Math.abs(norm(rows[2]) - 1) > 1e-6) return false;
+      this.camera = -1;
+      this.view = withPivot({...this.view, rows, centre: part(0)}, part(3));
+    });
+    read('zoom', 1, ([factor]) => {
+      if (!(factor > 0)) return false;
+      this.camera = -1;
+      this.view = zoomed(this.view, factor, about.scene);
+    });
+    read('box', 6, b => {
+      if (![0, 1, 2].every(a => b[a] < b[a + 3])) return false;
+      this.box = {low: b.slice(0, 3), high: b.slice(3)};
+    });
+    return unread;
+  }
+
+  /** The page's address with this view. */
+  link() {
+    const text = list => list.map(x => +x.toPrecision(7)).join(), v = this.view;
+    return location.href.split(/[?#]/)[0] + `?show=${this.mode}&camera=${this.selected + 1}` +
+        (this.camera < 0 ? `&view=${text([...v.centre, ...v.rows[0], ...v.rows[2], ...v.pivot])}` :
+                           '') +
+        (this.box ? `&box=${text([...this.box.low, ...this.box.high])}` : '');
   }
 
   async start() {
@@ -39,22 +105,30 @@ class Viewer {
   begin() {
     this.canvas.hidden = false;
     for (const poster of document.querySelectorAll('.poster')) poster.hidden = true;
-    element('controls').hidden = false;
+    for (const id of ['controls', 'fold']) element(id).hidden = false;
     this.panes.forEach(pane => {
       pane.hidden = false;
     });
-    if (Number(query.get('zoom')) > 0)
-      this.view = zoomed(this.home, Number(query.get('zoom')), about.scene);
-    if (query.has('show')) this.showOnly(query.get('show'));
+    this.fold(narrow());
     this.listen();
+    this.makeBox();
     new ResizeObserver(() => this.ask()).observe(this.stage);
     this.state();
+    this.canvas.focus({preventScroll: true, focusVisible: false});
+    say((touch ?
+             'One finger turns, two move and zoom, a double tap sets the point to turn about.' :
+             'Drag to turn, wheel to zoom, double click sets the point to turn about; ? shows all keys.') +
+        (this.unread.length > 0 ?
+             ` Not understood in the address, and left out: ${this.unread.join(', ')}.` :
+             ''));
     this.ask();
   }
 
-  /** Names separated by spaces. */
-  showOnly(names) {
-    for (const name of Object.keys(this.show)) this.show[name] = names.split(' ').includes(name);
+  fold(folded) {
+    const button = element('fold');
+    element('panel').classList.toggle('folded', folded);
+    button.setAttribute('aria-expanded', String(!folded));
+    button.textContent = folded ? 'Controls' : 'Hide';
   }
 
   ask() {
@@ -97,7 +171,7 @@ class Viewer {
     const drawn = [Math.max(1, Math.round(width * share)), Math.max(1, Math.round(height * share))];
     this.renderer.runs.forEach((run, i) => {
       this.renderer.sort(run.cloud, run.about.near, this.view, resting);
-      this.renderer.drawRun(run, this.view, ...drawn, this.show);
+      this.renderer.drawRun(run, this.view, ...drawn, this.shown);
       this.renderer.finish(
           null, tall ? 0 : i * width, tall ? (n - 1 - i) * height : 0, width, height, ...drawn);
     });
@@ -138,13 +212,14 @@ class Viewer {
       context.strokeStyle = i === this.selected ? '#f0e442' : camera.test ? '#e69f00' : '#56b4e9';
       context.stroke();
     });
+    this.drawTools(context, lens, width, height);
     const camera = about.cameras[this.camera];
     const source = camera && this.show.photo ? element('photo' + this.camera) : null;
     photo.hidden = !(source && source.naturalWidth > 0);
     if (photo.hidden) return;
     const across = source.naturalWidth, down = source.naturalHeight;
     if (photo.src !== source.src) photo.src = source.src;
-    photo.style.opacity = element('opacity').value / 100;
+    photo.style.opacity = this.opacity.value / 100;
     photo.width = across, photo.height = down;
     // Projects the photograph onto a plane at the depth of the scene, by a homography.
     const depth = Math.max(dot(minus(about.scene.middle, camera.centre), camera.rows[2]), size);
@@ -158,11 +233,250 @@ class Viewer {
                 .join()})`;
   }
 
+  /** Draws the box of the cut, the pivot that the user chose, and the measured distance. */
+  drawTools(context, lens, width, height) {
+    const at = place => {
+      const [x, y, z] = projected(this.view, lens, place);
+      return z > 0 ? [x / z, y / z] : null;
+    };
+    const stroke = (width, color, dashes = []) => {
+      context.setLineDash(dashes);
+      for (const [w, style] of [[width + 2, 'rgba(0, 0, 0, 0.6)'], [width, color]]) {
+        context.lineWidth = w, context.strokeStyle = style;
+        context.stroke();
+      }
+    };
+    const line = (a, b) => a && b && (context.moveTo(...a), context.lineTo(...b));
+    const ring = (p, r) => p && (context.moveTo(p[0] + r, p[1]), context.arc(...p, r, 0, 7));
+    const edges = [], {low, high} = this.box || {},
+          side = bits => at([0, 1, 2].map(a => (bits >> a & 1 ? high : low)[a]));
+    for (let bits = 0; this.box && bits < 8; ++bits)
+      for (const axis of [1, 2, 4])
+        if (!(bits & axis)) edges.push([side(bits), side(bits | axis)]);
+    context.beginPath();
+    for (const edge of edges) line(...edge);
+    stroke(1, '#cc79a7');
+    const places = this.points.map(at);
+    context.beginPath();
+    for (const p of places) ring(p, 5);
+    if (places.length === 2) line(...places);
+    if (this.measuring)
+      line([width / 2 - 8, height / 2], [width / 2 + 8, height / 2]),
+          line([width / 2, height / 2 - 8], [width / 2, height / 2 + 8]);
+    stroke(2, '#f0e442');
+    context.beginPath();
+    if (this.view.chosen) ring(at(this.view.pivot), 7);
+    stroke(1.5, '#fff', [3, 3]);
+    if (places.length < 2 || !places[0] || !places[1]) return;
+    context.font = '600 15px system-ui, sans-serif';
+    context.setLineDash([]);
+    context.lineWidth = 4, context.strokeStyle = '#000', context.fillStyle = '#f0e442';
+    const label = [
+      this.distance(), 0.5 * (places[0][0] + places[1][0]) + 8,
+      0.5 * (places[0][1] + places[1][1]) - 8
+    ];
+    context.strokeText(...label);
+    context.fillText(...label);
+  }
+
+  distance() {
+    const d = norm(minus(this.points[1], this.points[0]));
+    return `${Number(d.toPrecision(4))} ${about.unit}`;
+  }
+
+  /** What is shown now, in words. */
+  now() {
+    const n = about.cameras.length, c = about.cameras[this.camera];
+    return `${modeLabel(this.mode)}. ` +
+        (this.points.length === 2 ? `Distance ${this.distance()}. ` : '') +
+        (c ? `Camera ${this.camera + 1} of ${n}: ${c.name}, ${
+                 c.test ? 'a test view' : 'a training view'}.` :
+             'Free view.');
+  }
+
   move(view, keepsPhoto) {
     this.flight = null;
     this.view = view, this.movedAt = performance.now();
     if (!keepsPhoto && this.camera >= 0) this.leave();
+    say(this.now());
     this.ask();
+  }
+
+  /** The point of the surface at a place in a pane, in CSS pixels, or null. */
+  surfaceAt(index, x, y) {
+    const {width, height} = this.panes[index].getBoundingClientRect();
+    const depth = this.renderer.depthAt(
+        this.renderer.runs[index], this.view, width, height, x, y, this.shown);
+    const lens = lensIn(this.view, width, height);
+    return depth > 0 ?
+        placeAt({...lens, rows: this.view.rows, centre: this.view.centre}, x, y, depth) :
+        null;
+  }
+
+  /** Zooms; the camera stays in front of the surface on the way to the pivot. */
+  zoom(factor) {
+    let view = this.view;
+    // Pinching moves and zooms in turn, and a look at the surface takes time.
+    if (factor < 1 && !view.bounded && performance.now() - this.lookedAt > 250) {
+      this.lookedAt = performance.now();
+      const box = this.panes[0].getBoundingClientRect();
+      const p = projected(view, lensIn(view, box.width, box.height), view.pivot);
+      const place = this.surfaceAt(0, p[0] / p[2], p[1] / p[2]);
+      const nearer = place && norm(minus(place, view.centre)) < view.distance;
+      view = {...(nearer ? withPivot(view, place) : view), bounded: true};
+    }
+    const next = zoomed(view, factor, about.scene);
+    this.move(next);
+    if (Math.abs(next.distance / view.distance - 1) < 1e-6)
+      say(factor < 1 ? 'This is the nearest view of this point.' : 'This is the farthest view.');
+  }
+
+  /** Turns about the surface at this place from now on. */
+  pivotAt(index, x, y) {
+    const place = this.surfaceAt(index, x, y);
+    if (place) this.view = {...withPivot(this.view, place), bounded: true, chosen: true};
+    say(place ? 'The view turns about this point.' : 'No surface here; the view turns as before.');
+    this.ask();
+  }
+
+  addPoint(index, x, y) {
+    const place = this.surfaceAt(index, x, y);
+    if (place) this.points = this.points.length === 2 ? [place] : [...this.points, place];
+    say(!place                       ? 'No surface here.' :
+            this.points.length === 1 ? 'First point set; choose the second one.' :
+                                       this.now());
+    this.ask();
+  }
+
+  setMode(name) {
+    this.mode = name;
+    this.view = {...this.view, bounded: false};
+    this.state();
+    say(this.now());
+    this.ask();
+  }
+
+  measure() {
+    this.measuring = !this.measuring, this.points = [];
+    if (this.measuring && narrow()) this.fold(true);
+    say(this.measuring ? `Distance: ${touch ? 'tap' : 'click'} two points.` : this.now());
+    this.state();
+    this.ask();
+  }
+
+  /** The box of all that the page shows, with a margin. */
+  extent() {
+    const boxes = this.renderer.runs.flatMap(
+        run => run.about.mesh ? [run.about.mesh, run.cloud.box] : [run.cloud.box]);
+    const low = [0, 1, 2].map(a => Math.min(...boxes.map(b => b.low[a]))),
+          high = [0, 1, 2].map(a => Math.max(...boxes.map(b => b.high[a])));
+    const margin = 0.1 * norm(minus(high, low)) || 1;
+    return {low: low.map(x => x - margin), high: high.map(x => x + margin)};
+  }
+
+  /** Makes the sliders of the box. */
+  makeBox() {
+    for (let k = 0; k < 6; ++k) {
+      const row = document.createElement('label'), slider = document.createElement('input');
+      const axis = k >> 1, side = k % 2 ? 'high' : 'low';
+      row.dataset.name = 'xyz'[axis] + (k % 2 ? ' to' : ' from');
+      slider.type = 'range', slider.max = 1000, slider.id = side + axis;
+      slider.setAttribute('aria-label', `Box: ${row.dataset.name}`);
+      slider.addEventListener('input', () => {
+        const {low, high} = this.extent(), step = (high[axis] - low[axis]) / 1000;
+        const own = low[axis] + slider.value * step;
+        this.box[side][axis] = k % 2 ? Math.max(own, this.box.low[axis] + step) :
+                                       Math.min(own, this.box.high[axis] - step);
+        this.view = {...this.view, bounded: false};
+        this.stateOfBox();
+        this.ask();
+      });
+      row.append(slider, document.createElement('output'));
+      element('box').lastElementChild.before(row);
+    }
+  }
+
+  stateOfBox() {
+    element('box').hidden = !this.box;
+    if (!this.box) return;
+    const {low, high} = this.extent(), numbers = this.boxNumbers();
+    for (const [s, side] of ['low', 'high'].entries())
+      for (let a = 0; a < 3; ++a) {
+        const slider = element(side + a);
+        slider.value = 1000 * (this.box[side][a] - low[a]) / (high[a] - low[a]);
+        slider.nextElementSibling.textContent = numbers[3 * s + a];
+      }
+  }
+
+  /** Six numbers in the scene's frame, to a thousandth of the extent. */
+  boxNumbers() {
+    const {low, high} = this.extent(),
+                digits = Math.max(0, Math.ceil(3 - Math.log10(norm(minus(high, low)))));
+    return ['low', 'high'].flatMap(
+        side => plus(this.box[side], about.origin).map(x => +x.toFixed(Math.min(digits, 9))));
+  }
+
+  cut() {
+    this.box = this.box ? null : this.extent();
+    this.view = {...this.view, bounded: false};
+    say(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
+    this.state();
+    this.ask();
+  }
+
+  /** Puts text on the clipboard, and into a field to copy by hand. */
+  copy(text, what) {
+    const field = element('copied');
+    field.value = text, field.hidden = false;
+    const done = navigator.clipboard ? navigator.clipboard.writeText(text) : Promise.reject();
+    done.then(() => say(`${what} copied.`), () => {
+      this.fold(false);
+      field.select();
+      say(`${what}: copy it from the field.`);
+    });
+  }
+
+  copyLink() {
+    if (location.protocol === 'about:') {
+      say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
+      return;
+    }
+    const link = this.link();
+    try {
+      history.replaceState(null, '', link);
+    } catch (error) {
+      // Some browsers keep the address of a local file.
+    }
+    this.copy(link, 'Link');
+  }
+
+  /** Saves the picture with all that is drawn over it. */
+  savePicture() {
+    this.movedAt = -1e9;  // all pixels
+    this.draw(performance.now());
+    const picture = document.createElement('canvas'), context = picture.getContext('2d');
+    picture.width = this.canvas.width, picture.height = this.canvas.height;
+    context.drawImage(this.canvas, 0, 0);
+    const whole = this.stage.getBoundingClientRect(), ratio = picture.width / whole.width;
+    for (const pane of this.panes) {
+      const box = pane.getBoundingClientRect(), photo = pane.querySelector('img');
+      context.setTransform(
+          ratio, 0, 0, ratio, (box.left - whole.left) * ratio, (box.top - whole.top) * ratio);
+      context.drawImage(pane.querySelector('canvas'), 0, 0, box.width, box.height);
+      if (photo.hidden) continue;
+      const p = photo.getBoundingClientRect();  // at its camera it is an upright rectangle
+      context.globalAlpha = photo.style.opacity;
+      context.drawImage(photo, p.left - box.left, p.top - box.top, p.width, p.height);
+      context.globalAlpha = 1;
+    }
+    const name = `${about.runs[0].name}-${this.mode}.png`;
+    picture.toBlob(blob => {
+      const a = document.createElement('a');
+      a.href = URL.createObjectURL(blob), a.download = name;
+      a.click();
+      setTimeout(() => URL.revokeObjectURL(a.href), 1000);
+      say(`Saved ${name}, ${picture.width} x ${picture.height} pixels.`);
+    });
   }
 
   leave() {
@@ -200,31 +514,52 @@ class Viewer {
     this.flyTo(viewOf(camera, about.scene), () => {
       this.camera = this.selected;
       this.state();
-      const kind = camera.test ? 'a test view' : 'a training view';
-      say(`Camera ${this.selected + 1} of ${n}: ${camera.name}, ${kind}` +
-          (camera.photo ? '.' : ', photograph not on this page.'));
+      say(this.now());
       this.ask();
     });
     this.state();
   }
 
   toggle(name) {
-    const on = this.show[name] = !this.show[name];
-    if (name === 'centres' && on) this.show.splats = false;
-    if (name === 'splats' && on) this.show.centres = false;
+    const reason = name === 'photo' ? this.photoMissing() : '';
+    if (!reason) this.show[name] = !this.show[name];
     this.state();
-    say(`${labels[name]}: ${on ? 'shown' : 'hidden'}.`);
+    say(reason || `${labels[name]}: ${this.show[name] ? 'shown' : 'hidden'}.`);
     this.ask();
+  }
+
+  /** Why there is no photograph to show; empty: there is one. */
+  photoMissing() {
+    if (this.camera < 0) return 'Choose a camera first.';
+    return about.cameras[this.camera].photo ? '' :
+                                              'The photograph of this camera is not on this page.';
   }
 
   /** Updates buttons, list and colour scale. */
   state() {
-    for (const button of document.querySelectorAll('button[data-show]'))
-      button.setAttribute('aria-pressed', String(this.show[button.dataset.show]));
-    const slider = element('photograph');
-    slider.hidden = !(this.camera >= 0 && about.cameras[this.camera].photo && this.show.photo);
-    const scale = element('scale');
-    if (scale) scale.hidden = !this.show.error;
+    modeInput(this.mode).checked = true;
+    const pressed = {...this.show, measure: this.measuring, cut: this.box !== null};
+    for (const button of document.querySelectorAll('button[aria-pressed]'))
+      button.setAttribute(
+          'aria-pressed', String(pressed[button.dataset.show || button.dataset.act]));
+    const photo = document.querySelector('button[data-show=photo]'), reason = this.photoMissing();
+    if (photo) {
+      photo.disabled = reason !== '';
+      this.opacity.parentElement.hidden = photo.disabled || !this.show.photo;
+      element('why').textContent = reason;
+    }
+    const scale = element('scale'), mode = modes[this.mode];
+    if (scale) scale.hidden = !mode.error;
+    this.panes.forEach((pane, i) => {
+      const label = pane.querySelector('span'), run = about.runs[i];
+      if (label)
+        label.textContent = run.name +
+            (mode.mesh && !run.mesh       ? ': no mesh' :
+                 mode.error && !run.truth ? ': grey, as its truth is not given' :
+                                            '');
+    });
+    this.stage.classList.toggle('measuring', this.measuring);
+    this.stateOfBox();
     document.querySelectorAll('button[data-camera]').forEach(button => {
       const on = Number(button.dataset.camera) === this.selected;
       if (on)
@@ -251,21 +586,34 @@ class Viewer {
       shiftRight: () => go(shifted(this.view, 0.06, 0)),
       shiftUp: () => go(shifted(this.view, 0, -0.06)),
       shiftDown: () => go(shifted(this.view, 0, 0.06)),
-      near: () => go(zoomed(this.view, 1 / 1.15, about.scene)),
-      far: () => go(zoomed(this.view, 1.15, about.scene)),
+      near: () => this.zoom(1 / 1.15),
+      far: () => this.zoom(1.15),
       reset: () => {
+        this.mode = 'splats', this.show = {cameras: true, photo: true}, this.box = null;
+        this.measuring = false, this.points = [], this.selected = about.start;
+        if (this.opacity) this.opacity.value = 50;
         this.leave();
         this.flyTo(this.home, () => say('First view.'));
       },
       before: () => this.goTo(this.selected - 1),
       after: () => this.goTo(this.selected + 1),
-      camera: () => this.goTo(this.selected),
-      splats: () => this.toggle('splats'),
-      mesh: () => this.toggle('mesh'),
-      error: () => this.toggle('error'),
-      centres: () => this.toggle('centres'),
+      camera: () => {
+        const {width, height} = this.panes[0].getBoundingClientRect();
+        if (this.measuring)
+          this.addPoint(0, width / 2, height / 2);
+        else
+          this.goTo(this.selected);
+      },
       cameras: () => this.toggle('cameras'),
-      photo: () => this.toggle('photo')
+      photo: () => this.toggle('photo'),
+      measure: () => this.measure(),
+      end: () => this.measuring && this.measure(),
+      cut: () => this.cut(),
+      copyBox: () => this.copy(`--bbox ${this.boxNumbers().join()}`, 'Box'),
+      picture: () => this.savePicture(),
+      link: () => this.copyLink(),
+      help: () => element('help').showModal(),
+      details: () => element('details').showModal()
     };
     const keys = {
       ArrowLeft: 'left',
@@ -280,31 +628,49 @@ class Viewer {
       '[': 'before',
       ']': 'after',
       Enter: 'camera',
-      s: 'splats',
-      m: 'mesh',
-      e: 'error',
-      c: 'centres',
+      Escape: 'end',
       f: 'cameras',
-      p: 'photo'
+      p: 'photo',
+      d: 'measure',
+      b: 'cut',
+      i: 'picture',
+      l: 'link',
+      h: 'help',
+      '?': 'help'
     };
-    canvas.addEventListener('keydown', event => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      const name = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-      if (!name || !usable(name)) return;
+    for (const input of document.querySelectorAll('input[name=mode]')) {
+      acts[input.value] = () => this.setMode(input.value);
+      keys[input.dataset.key] = input.value;
+      input.addEventListener('change', acts[input.value]);
+    }
+    // Letters also act where a button has the focus.
+    const press = event => {
+      const single = event.key.length === 1;
+      if (event.ctrlKey || event.metaKey || event.altKey || event.target.id === 'copied') return;
+      if (event.target !== canvas && (!single || event.key === ' ')) return;
+      const name = keys[single ? event.key.toLowerCase() : event.key];
+      if (!name || (name in labels && !document.querySelector(`button[data-show=${name}]`))) return;
       event.preventDefault();
       const shifts = event.shiftKey && event.key.startsWith('Arrow');
       acts[shifts ? 'shift' + event.key.slice(5) : name]();
-    });
+    };
+    for (const part of [canvas, element('panel')]) part.addEventListener('keydown', press);
     for (const button of document.querySelectorAll('button[data-act], button[data-show]'))
       button.addEventListener('click', () => acts[button.dataset.act || button.dataset.show]());
+    element('fold').addEventListener(
+        'click', () => this.fold(!element('panel').classList.contains('folded')));
     for (const button of document.querySelectorAll('button[data-camera]'))
-      button.addEventListener('click', () => this.goTo(Number(button.dataset.camera)));
-    element('opacity').addEventListener('input', () => this.ask());
-    canvas.addEventListener('wheel', event => {  // the page scrolls until the view has the focus
-      if (document.activeElement !== canvas) return;
+      button.addEventListener('click', () => {
+        if (narrow()) this.fold(true);
+        this.goTo(Number(button.dataset.camera));
+      });
+    if (this.opacity) this.opacity.addEventListener('input', () => this.ask());
+    canvas.addEventListener('wheel', event => {
+      // Inside of a report, the report scrolls until the view has the focus.
+      if (parent !== window && document.activeElement !== canvas) return;
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 30 : 1;
-      this.move(zoomed(this.view, Math.exp(event.deltaY * lines / 600), about.scene));
+      this.zoom(Math.exp(event.deltaY * lines / 600));
     }, {passive: false});
     canvas.addEventListener('webglcontextlost', event => {
       event.preventDefault();
@@ -315,7 +681,7 @@ class Viewer {
 
   listenToPointers() {
     const canvas = this.canvas, fingers = new Map();
-    let walked = 0;
+    let walked = 0, last = {time: -1e9, x: 0, y: 0};  // the last click
     const middle = () => {
       const all = [...fingers.values()], n = all.length;
       const x = all.reduce((s, f) => s + f.x, 0) / n, y = all.reduce((s, f) => s + f.y, 0) / n;
@@ -342,45 +708,54 @@ class Viewer {
         view = shifted(view, -dx / lens.fx, -dy / lens.fy);
       else
         view = turned(view, about.scene.up, -dx * 4 / pane.width, -dy * 4 / pane.width);
-      if (before.spread > 10) view = zoomed(view, before.spread / after.spread, about.scene);
       this.move(view);
+      if (before.spread > 10) this.zoom(before.spread / after.spread);
     });
     const end = event => {
       if (!fingers.delete(event.pointerId) || event.type !== 'pointerup' || walked >= 4) return;
-      for (const pane of this.panes) {
-        const box = pane.getBoundingClientRect(), x = event.clientX - box.left,
-              y = event.clientY - box.top;
-        if (!this.show.cameras || x < 0 || y < 0 || x > box.width || y > box.height) continue;
-        let best = -1, nearest = 24;
-        this.centres.forEach((c, i) => {
-          const away = c ? Math.hypot(c[0] - x, c[1] - y) : Infinity;
-          if (away < nearest) nearest = away, best = i;
-        });
-        if (best >= 0) this.goTo(best);
-      }
+      const index = this.panes.findIndex(pane => {
+        const box = pane.getBoundingClientRect();
+        return event.clientX >= box.left && event.clientX < box.right && event.clientY >= box.top &&
+            event.clientY < box.bottom;
+      });
+      if (index < 0) return;
+      const box = this.panes[index].getBoundingClientRect(), x = event.clientX - box.left,
+            y = event.clientY - box.top, time = event.timeStamp;
+      const twice = time - last.time < 400 && Math.hypot(x - last.x, y - last.y) < 20;
+      last = {time: twice ? -1e9 : time, x, y};
+      if (this.measuring)
+        this.addPoint(index, x, y);
+      else if (twice)
+        this.pivotAt(index, x, y);
+      else if (this.show.cameras)
+        this.clickCamera(x, y);
     };
     for (const kind of ['pointerup', 'pointercancel']) canvas.addEventListener(kind, end);
+  }
+
+  clickCamera(x, y) {
+    let best = -1, nearest = 24;
+    this.centres.forEach((c, i) => {
+      const away = c ? Math.hypot(c[0] - x, c[1] - y) : Infinity;
+      if (away < nearest) nearest = away, best = i;
+    });
+    if (best >= 0) this.goTo(best);
   }
 }
 
 const labels = {
-  splats: 'Splats',
-  mesh: 'Mesh',
-  error: 'Colours by error',
-  centres: 'Centres',
   cameras: 'Cameras',
-  photo: 'Photographs'
+  photo: 'Photograph'
 };
-const usable = name => !(name in labels) || document.querySelector(`button[data-show=${name}]`);
 const say = text => {
-  element('status').textContent = text;
+  if (element('status').textContent !== text) element('status').textContent = text;
 };
 
 function fail(message) {
   say(message);
+  document.body.classList.add('plain');
   element('status').classList.add('notice');
-  element('canvas').hidden = true;
-  element('controls').hidden = true;
+  for (const id of ['canvas', 'controls', 'fold']) element(id).hidden = true;
   document.querySelectorAll('.pane').forEach(pane => {
     pane.hidden = true;
   });
