@@ -201,8 +201,8 @@ struct CloudPlaceBody {
     }
 };
 
-/// Mean surface saliency of a point and its neighbours, weighted by itself, per area. Far outliers
-/// support each other as well as a surface does, but on a larger area.
+/// Surface saliency per area of the salient points around each point. Far outliers support each
+/// other as well as a surface does, but on a larger area.
 struct CloudReferenceBody {
     CloudLists lists;
     Span<const float> scales;
@@ -212,14 +212,20 @@ struct CloudReferenceBody {
     TVSGS_HD void operator()(int row) const {
         const int i = lists.first + row;
         const std::uint32_t* list = lists.of(i);
-        float sum = 0, squares = 0;
-        const auto add = [&](std::uint32_t j) {
-            const float s = eigenvalues[j].y - eigenvalues[j].z;
-            sum += s, squares += s * s;
-        };
-        add(static_cast<std::uint32_t>(i));
-        for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) add(list[r]);
+        const float own = saliency_at(i, i);
+        float sum = own, squares = own * own;
+        for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) {
+            const float s = saliency_at(i, list[r]);
+            if (s * s * 0 == 0) sum += s, squares += s * s;
+        }
         references[i] = squares / sum / (scales[i] * scales[i]);
+    }
+
+private:
+    /// Relative to the scale at point i, so that squares stay in range.
+    TVSGS_HD float saliency_at(int i, std::uint32_t j) const {
+        const float ratio = scales[i] / scales[j];
+        return (eigenvalues[j].y - eigenvalues[j].z) * ratio * ratio;
     }
 };
 
