@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "core/math/sigmoid.h"
 #include "pipeline/blocks/blocks_merge.h"
 #include "render/backbone.h"
 #include "support/numeric.h"
