@@ -101,8 +101,8 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
                              "view.html", "reconstruct.log", "reconstruct.json"})
         EXPECT_TRUE(fs::exists(folder / "my out" / file)) << file;
     for (const char* part :
-         {"Cameras: done in 0:", "Reconstructed 6 photographs of 9: ", " splats, mesh of ",
-          " x ", " units of the scene\n", "Mesh: my out/run/mesh/mesh.glb\nPage: my out/view.html",
+         {"Cameras: done in 0:", "Reconstructed 6 photographs of 9: ", " splats, mesh of ", " x ",
+          " units of the scene\n", "Mesh: my out/run/mesh/mesh.glb\nPage: my out/view.html",
           "tvsgs-export 'my out/run' splats.spz"})
         EXPECT_TRUE(r.says(part)) << part << r;
 
