@@ -11,10 +11,10 @@ namespace {
 constexpr float kBehind = 1.05f;       // a point covers depths up to this multiple of its own
 constexpr float kLeastFacing = 0.15f;  // cosine between ray and normal; depth edges have less
 
-/// Depth of the nearest point at each pixel or beside it; 0: none.
+/// Depth of the farthest point at each pixel or beside it; 0: none.
 std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>& points) {
     const int w = camera.width_px, h = camera.height_px;
-    std::vector<float> nearest(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+    std::vector<float> farthest(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
     for (const Vec3f& point : points) {
         const Vec3f p = camera.camera_from_world * point;
         if (!(p.z > 0)) continue;
@@ -25,11 +25,11 @@ std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>
         const int x = static_cast<int>(u), y = static_cast<int>(v);
         for (int b = std::max(y - 1, 0); b <= std::min(y + 1, h - 1); ++b)
             for (int a = std::max(x - 1, 0); a <= std::min(x + 1, w - 1); ++a) {
-                float& depth = nearest[static_cast<std::size_t>(b * w + a)];
-                if (!(depth > 0) || p.z < depth) depth = p.z;
+                float& depth = farthest[static_cast<std::size_t>(b * w + a)];
+                depth = std::max(depth, p.z);
             }
     }
-    return nearest;
+    return farthest;
 }
 
 /// Normal of the depth map at a pixel, towards the camera; 0 at edges of the depth and of the map.
