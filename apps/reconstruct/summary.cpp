@@ -11,6 +11,7 @@
 #include "io/mesh/mesh_files.h"
 #include "pipeline/run/run_folder.h"
 #include "report/verdict.h"
+#include "report/view_run.h"
 
 namespace tvsgs::reconstruct {
 namespace {
@@ -40,17 +41,16 @@ std::string size_text(const std::string& mesh) {
 
 void log_summary(const std::string& run, const std::string& scene, const std::string& page) {
     const JsonValue report = json_of(run + "/report.json"),
-                    prepared = scene.empty() ? JsonValue() : json_of(scene + "/prepare.json");
+                    prepared = json_of(scene + "/prepare.json");
     const RunVerdict verdict = verdict_of(report);
     const std::string mesh = find_mesh(run);
-    const bool metres = prepared["metric"] || fs::exists(run + "/georeference.json");
     std::string given;
     if (const double all = prepared["photographs"].number; all > report["training_views"].number)
         given = str(" of ", all);
     spdlog::info("Reconstructed {}{}: {}, mesh of {}, {} {}",
                  count_of(report["training_views"], "photograph"), given,
                  count_of(report["splats"], "splat"), count_of(report["mesh"]["faces"], "face"),
-                 size_text(mesh), metres ? "metres" : "units of the scene");
+                 size_text(mesh), in_metres(run, scene) ? "metres" : "units of the scene");
     if (!verdict.level.empty()) spdlog::info("Quality: {}", verdict.level);
     for (const std::string& limit : verdict.limits) spdlog::info("Limit: {}", limit);
     if (!verdict.limits.empty())

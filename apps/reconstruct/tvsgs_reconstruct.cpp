@@ -50,7 +50,7 @@ Arguments parse(int argc, char** argv) {
     app.add_option("--quality", a.quality,
                    "draft: photographs 800 pixels wide, 2,000 iterations; normal: 1,600 pixels, "
                    "iterations by the plan; best: 3,200 pixels, 500 iterations per photograph and "
-                   "at least 15,000. Smaller photographs keep their size")
+                   "at least 15,000. If the narrowest photograph is smaller, its width decides")
         ->check(CLI::IsMember({"draft", "normal", "best"}));
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
     app.add_flag("--overwrite", a.overwrite,
@@ -216,7 +216,7 @@ bool Reconstruction::is_done(const StageKind& kind) const {
 void Reconstruction::check_commands() const {
     for (const StageKind* stage : stages_) {
         const Record::Stage* const was = record_->find(stage->name);
-        const bool is_kept = was != nullptr && (was->done || stage == &kTrain);
+        const bool is_kept = was != nullptr && (was->done || stage == &kTrain || is_done(*stage));
         if (!is_kept) continue;
         if (stage == &kTrain && stages_.front() == &kPrepare && !is_done(kPrepare))
             throw Error(ExitCode::usage,
@@ -232,6 +232,11 @@ void Reconstruction::check_commands() const {
 
 /// Removes what an earlier call wrote. Keeps other files, and a scene that was made by hand.
 void Reconstruction::remove_results() {
+    const Record::Stage* const prepared = record_->find(kPrepare.name);
+    if (stages_.front() == &kPrepare && fs::exists(scene_) && !has_manifest(scene_) &&
+        (prepared == nullptr || prepared->command != recorded_command(kPrepare)))
+        throw Error(ExitCode::usage,
+                    scene_ + ": was made by hand from other photographs; move it away");
     for (const std::string& folder : {run_, scene_}) {
         if (!has_manifest(folder) || lies_in(input_, folder)) continue;
         remove_listed_files(folder);
@@ -273,6 +278,7 @@ int Reconstruction::run() {
     const FolderLock lock(out_);
     if (lock.held())
         throw Error(ExitCode::usage, a_.out + ": another tvsgs-reconstruct works there; wait");
+    record_.emplace(out_);  // another process may have changed it before the lock
     if (a_.overwrite) remove_results();
     if (a_.overwrite || record_->is_new()) record_->clear();
 
@@ -293,7 +299,7 @@ int Reconstruction::run() {
         spdlog::info("{} in {}/reconstruct.log",
                      counted(static_cast<std::size_t>(runner.warnings()), "warning"), a_.out);
     const bool prepared = stages_.front() == &kPrepare;
-    log_summary(a_.out + "/run", prepared ? scene_ : "", a_.out + "/view.html");
+    log_summary(a_.out + "/run", prepared ? scene_ : input_, a_.out + "/view.html");
     return 0;
 }
 

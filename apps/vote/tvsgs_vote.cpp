@@ -9,8 +9,9 @@
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
 #include "io/scene/scene_reader.h"
-#include "io/splats/ply_columns.h"
+#include "io/splats/ply.h"
 #include "pipeline/run/run_folder.h"
+#include "render/ewa/projection_math.h"
 #include "render/tiles/sh_math.h"
 #include "tv/cloud_votes.h"
 
@@ -33,7 +34,7 @@ Arguments parse(int argc, char** argv) {
     app.add_option("--k", a.votes.k, "nearest points that vote for each point [30]")
         ->check(CLI::Range(3, 512));
     app.add_option("--radius", a.votes.radius,
-                   "largest distance of these points, world units [0: any]")
+                   "largest distance of these points, world units [any]")
         ->check(kPositive);
     app.add_option("--refine", a.votes.refine,
                    "rounds in which points move along their normals to the voted surface [0]")
@@ -57,8 +58,7 @@ PointCloud points_of(const Gaussians<Cpu>& splats) {
     PointCloud points;
     const std::size_t count = splats.means.size();
     for (std::size_t i = 0; i < count; ++i) {
-        const Vec3f s = splats.log_scales[i];
-        const int axis = s.x <= s.y && s.x <= s.z ? 0 : s.y <= s.z ? 1 : 2;
+        const int axis = smallest_axis(splats.log_scales[i]);
         points.positions.push_back(splats.means[i]);
         points.normals.push_back(column(rotation(normalize(splats.quats[i])), axis));
         points.colors.push_back(Vec3f{0.5f, 0.5f, 0.5f} + static_cast<float>(kShC0) * splats.sh[i]);

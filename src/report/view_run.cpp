@@ -190,14 +190,13 @@ ViewRun read_run(const std::string& path,
     return run;
 }
 
-/// Whether the scene was put in place (georeference.json) or scaled by markers (prepare.json).
+}  // namespace
+
 bool in_metres(const std::string& run, const std::string& scene) {
     const std::string prepared = scene + "/prepare.json";
     return exists(run + "/georeference.json") || exists(scene + "/georeference.json") ||
            (exists(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
 }
-
-}  // namespace
 
 ViewSubject read_view_subject(const ViewInput& input) {
     ViewSubject subject;

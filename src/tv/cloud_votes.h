@@ -22,7 +22,7 @@ struct CloudVoteOptions {
     int block = 1 << 18;  // points of one block, which follow each other in Morton order
 };
 
-/// Neighbours of each point that orient_normals() uses.
+/// Neighbours of each point that orient_along_graph() uses.
 inline constexpr int kGraphNeighbours = 8;
 inline constexpr std::uint32_t kNoPoint = 0xffffffffu;
 

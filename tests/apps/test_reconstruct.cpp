@@ -146,6 +146,25 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
     EXPECT_EQ(calls(), "view ");
 }
 
+TEST_F(Reconstruct, ASceneMadeByHandBelongsToItsPhotographs) {
+    write("before_prepare", "exit 7");
+    ASSERT_EQ(run("photos out").code, 7);
+    fs::remove(folder / "before_prepare");
+    ASSERT_EQ(run_script(folder, "bin/tvsgs-prepare photos out/scene").code, 0);
+    fs::remove(folder / "out/scene/.tvsgs-files");  // of tvsgs-synth; tvsgs-prepare writes none
+    write("photos/d.png", "");
+    for (const char* flags : {"", " --overwrite"}) {
+        const Result r = run(std::string("photos out") + flags);
+        EXPECT_EQ(r.code, 2) << r;
+        EXPECT_TRUE(r.says(*flags ? "made by hand from other photographs" : "# 4 photographs"))
+            << r;
+    }
+    EXPECT_EQ(calls(), "prepare prepare ");
+    fs::remove(folder / "photos/d.png");
+    EXPECT_EQ(run("photos out").code, 0);
+    EXPECT_EQ(calls(), "prepare prepare train extract-mesh view ");
+}
+
 TEST_F(Reconstruct, OverwriteRemovesOnlyItsOwnFiles) {
     ASSERT_EQ(run("photos out").code, 0);
     write("out/notes.txt", "mine"), write("out/run/notes.txt", "mine");

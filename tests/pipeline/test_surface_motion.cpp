@@ -41,25 +41,26 @@ TEST(SurfaceMotion, AWatchTellsRestFromMotion) {
     TrainOptions options;
     options.backbone = "ewa";
     SurfaceWatch<Cpu> watch(views, options);
-    watch.look(100, wall(4));
+    EXPECT_TRUE(watch.due(100));
+    EXPECT_FALSE(watch.due(150));
+    watch.look(wall(4));
     EXPECT_FALSE(watch.still()) << "nothing to compare with";
-    watch.look(150, wall(9));
-    watch.look(200, wall(4.0005f));
+    watch.look(wall(4.0005f));
     EXPECT_TRUE(watch.still());
     EXPECT_NEAR(watch.motion().median_px, 64 * 0.0005 / 4, 1e-3);
-    watch.look(300, wall(4.01f));
+    watch.look(wall(4.01f));
     EXPECT_FALSE(watch.still()) << "0.15 px";
     // Splats without support do not count, if others have it.
     Gaussians<Cpu> g = wall(4);
     std::vector<float> uncertainty(static_cast<std::size_t>(g.size()), 0.1f);
     for (int i = 0; i < 90; ++i) uncertainty[static_cast<std::size_t>(i)] = 0;
     copy(uncertainty, g.uncertainty);
-    watch.look(400, g);
+    watch.look(g);
     for (int i = 0; i < 90; ++i) g.means[static_cast<std::size_t>(i)].z = 3;
-    watch.look(500, g);
+    watch.look(g);
     EXPECT_TRUE(watch.still());
     for (int i = 90; i < 300; ++i) g.means[static_cast<std::size_t>(i)].z = 3.9f;
-    watch.look(600, g);
+    watch.look(g);
     EXPECT_FALSE(watch.still());
 }
 

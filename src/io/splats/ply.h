@@ -48,9 +48,9 @@ Gaussians<Cpu> read_splat_ply(const std::string& path,
 /// All writers write atomic files. write_splat_ply() throws Error(ExitCode::numerical) with the
 /// first value that is not finite. Positions are floats, or doubles if there is an origin to add. A
 /// filter is written unchanged beside the unfiltered scales and opacities, uncertainties as
-/// `uncertainty`. `signature`: adds a
-/// fourth line that identifies tvsgs, so that a later run may replace the file without a manifest;
-/// otherwise the header is exactly that of 3DGS. `projection`, if not empty, becomes a comment.
+/// `uncertainty`. `signature`: adds a fourth line that identifies tvsgs, so that a later run may
+/// replace the file without a manifest; otherwise the header is exactly that of 3DGS. `projection`,
+/// if not empty, becomes a comment.
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& gaussians,
                      Vec3d origin = {},
@@ -62,6 +62,14 @@ void write_mesh_ply(const std::string& path,
                     const TriangleMesh& mesh,
                     Vec3d origin = {},
                     const std::string& projection = "");
-void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin = {});
+/// `columns`: further properties, behind the others.
+struct PlyColumn {
+    const char* name;
+    const std::vector<float>& values;  // one per point
+};
+void write_cloud_ply(const std::string& path,
+                     const PointCloud& points,
+                     Vec3d origin = {},
+                     const std::vector<PlyColumn>& columns = {});
 
 }  // namespace tvsgs

@@ -291,9 +291,10 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         usable[i] = finite && !(quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0);
         out.means[i] = mean, out.log_scales[i] = log_scale, out.quats[i] = quat;
         out.opacity_logits[i] = opacity;
-        if (columns.uncertainty < 0) return;
-        const float uncertainty = value(columns.uncertainty);
-        out.uncertainty[i] = uncertainty > 0 ? uncertainty : 0;  // NaN becomes 0
+        if (columns.uncertainty >= 0) {
+            const float uncertainty = value(columns.uncertainty);
+            out.uncertainty[i] = uncertainty > 0 ? uncertainty : 0;  // NaN becomes 0
+        }
     });
     if (&vertex == &in.elements().back()) in.finish();
     const std::vector<int> numbers =

@@ -6,7 +6,7 @@
 #include "core/version.h"
 #include "io/files/atomic_file.h"
 #include "io/mesh/mesh_files.h"
-#include "io/splats/ply_columns.h"
+#include "io/splats/ply.h"
 
 namespace tvsgs {
 namespace {
@@ -173,10 +173,6 @@ void write_mesh_ply(const std::string& path,
         for (int c = 0; c < 3; ++c) out.put(face[c]);
     }
     out.commit();
-}
-
-void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin) {
-    write_cloud_ply(path, points, origin, {});
 }
 
 void write_cloud_ply(const std::string& path,

@@ -151,8 +151,12 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
     Gaussians<Device> meshed;
     std::string none_left;
-    if (options.max_scale_px > 0 || options.unsupported < 1) copy(all, meshed);
-    if (options.unsupported < 1) {
+    const bool fades = options.unsupported < 1 && !all.uncertainty.empty();
+    if (options.unsupported < 1 && !fades)
+        spdlog::warn(
+            "mesh.unsupported has no effect: the splats were not trained with init.support");
+    if (options.max_scale_px > 0 || fades) copy(all, meshed);
+    if (fades) {
         const std::size_t faded = fade_unsupported(double{options.unsupported}, meshed);
         spdlog::debug("Faded {} of {} splats without support by stereo (mesh.unsupported)", faded,
                       all.size());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/losses/depth_normals.h"
 #include "pipeline/priors/stereo_priors.h"
 
 namespace tvsgs {
@@ -32,20 +33,6 @@ std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>
     return farthest;
 }
 
-/// Normal of the depth map at a pixel, towards the camera; 0 at edges of the depth and of the map.
-Vec3f depth_normal(const StereoMaps& maps, int x, int y) {
-    const int w = maps.camera.width_px;
-    if (x == 0 || y == 0 || x == w - 1 || y == maps.camera.height_px - 1) return {};
-    const auto at = [&](int a, int b) {
-        return maps.depth[static_cast<std::size_t>(b * w + a)] * pixel_ray(maps.camera, a, b);
-    };
-    const Vec3f n = cross(at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)),
-                ray = normalize(pixel_ray(maps.camera, x, y));
-    if (!(norm(n) > 0)) return {};
-    const Vec3f facing = dot(n, ray) > 0 ? -normalize(n) : normalize(n);
-    return -dot(facing, ray) > kLeastFacing ? facing : Vec3f{};
-}
-
 bool has_depth(const StereoMaps& maps) {
     return std::any_of(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; });
 }
@@ -64,20 +51,23 @@ std::size_t add_gap_points(const std::vector<StereoMaps>& stereo,
         const Camera& camera = maps.camera;
         const Rigid3f& pose = camera.camera_from_world;
         const int w = camera.width_px, h = camera.height_px;
+        const Span<const float> depth{maps.depth.data(), maps.depth.size()};
         const std::vector<float> covered = covered_depths(camera, cloud.positions);
         const ImageU8& photo = views[v].photo;
         for (int y = spacing_px / 2; y < h; y += spacing_px)
             for (int x = spacing_px / 2; x < w; x += spacing_px) {
                 const auto i = static_cast<std::size_t>(y * w + x);
-                const float z = maps.depth[i];
-                if (!(z > 0) || (covered[i] > 0 && z < kBehind * covered[i])) continue;
+                const float z = depth[i];
+                if (!(z > 0) || z < kBehind * covered[i]) continue;
                 // Pixel of the photograph, which may be finer than the maps.
                 const int px = (2 * x + 1) * photo.width / (2 * w),
                           py = (2 * y + 1) * photo.height / (2 * h);
                 if (!sky.views.empty() && sky.views[v].is_far(px, py)) continue;
-                const bool planar = norm(maps.normals[i]) > 0.5f;
-                const Vec3f normal = planar ? maps.normals[i] : depth_normal(maps, x, y);
-                if (!(norm(normal) > 0)) continue;
+                Vec3f normal = maps.normals[i];
+                if (DepthNormal<float> n;
+                    norm(normal) < 0.5f && depth_normal_at(camera, depth, static_cast<int>(i), n))
+                    normal = n.normal;
+                if (!(-dot(normal, normalize(pixel_ray(camera, x, y))) > kLeastFacing)) continue;
                 const auto at = static_cast<std::size_t>(3 * (py * photo.width + px));
                 const auto level = [&](std::size_t c) {
                     return static_cast<float>(photo.pixels[at + c]) / 255;

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "core/math/quantile.h"
+
 namespace tvsgs {
 
 SurfaceMotion surface_motion(const std::vector<std::vector<float>>& before,
@@ -13,14 +15,8 @@ SurfaceMotion surface_motion(const std::vector<std::vector<float>>& before,
             const float a = before[v][i], b = after[v][i];
             if (a > 0 && b > 0) moved.push_back(std::abs(a - b) * focal_px[v] / a);
         }
-    if (moved.empty()) return {};
-    const auto quantile = [&](double q) {
-        const auto at =
-            moved.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(moved.size() - 1));
-        std::nth_element(moved.begin(), at, moved.end());
-        return static_cast<double>(*at);
-    };
-    return {quantile(0.5), quantile(0.9), moved.size()};
+    const auto median = static_cast<double>(quantile(moved, 0.5));
+    return {median, static_cast<double>(quantile(moved, 0.9)), moved.size()};
 }
 
 }  // namespace tvsgs

@@ -41,9 +41,10 @@ public:
         }
     }
 
-    /// Call after each step.
-    void look(int step, const Gaussians<Device>& splats) {
-        if (step % kEvery != 0) return;
+    bool due(int step) const { return step % kEvery == 0; }
+
+    /// Call after each step that is due.
+    void look(const Gaussians<Device>& splats) {
         if (!splats.uncertainty.empty()) {
             copy(splats, supported_);
             fade_unsupported(0, supported_);
@@ -52,14 +53,13 @@ public:
         std::vector<std::vector<float>> depths;
         for (const Camera& camera : cameras_)
             depths.push_back(to_host(backbone_->forward(seen, camera, 0, Maps::depth).depth));
-        const bool compares = !depths_.empty();
-        if (compares) motion_ = surface_motion(depths_, depths, focal_px_);
-        still_ = compares && motion_.pixels > 0 && motion_.median_px < kMedianPx &&
-                 motion_.p90_px < kP90Px;
+        motion_ = surface_motion(depths_, depths, focal_px_);
         depths_ = std::move(depths);
     }
 
-    bool still() const { return still_; }
+    bool still() const {
+        return motion_.pixels > 0 && motion_.median_px < kMedianPx && motion_.p90_px < kP90Px;
+    }
     const SurfaceMotion& motion() const { return motion_; }  // at the last look
 
 private:
@@ -69,7 +69,6 @@ private:
     std::vector<std::vector<float>> depths_;  // at the last look
     Gaussians<Device> supported_;
     SurfaceMotion motion_;
-    bool still_ = false;
 };
 
 }  // namespace tvsgs

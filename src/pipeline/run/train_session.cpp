@@ -182,7 +182,7 @@ void TrainSession<Device>::log_scored_pixels() const {
 template <class Device>
 void TrainSession<Device>::after_step(int step, const Gaussians<Device>& splats) {
     done_ = step;
-    if (surface_) surface_->look(step, fixed_.join(splats));
+    if (surface_ && surface_->due(step)) surface_->look(fixed_.join(splats));
     if (evaluates_while_training(in_)) evaluate_if_due(step, splats);
     if (!live_.due()) return;
     Gaussians<Cpu> now;

@@ -207,10 +207,11 @@ void Preparation::provide_gap_points() {
     if (spacing_px == 0) return;
     if (scene_.points.confidences.empty() || stereo_.maps.empty())
         return spdlog::warn("init.gap_px fills no gaps, because stereo did not make the cloud");
-    const std::size_t added =
-        add_gap_points(stereo_.maps, scene_.train, sky_, spacing_px, scene_.points);
+    const std::size_t before = scene_.points.positions.size();
+    add_gap_points(stereo_.maps, scene_.train, sky_, spacing_px, scene_.points);
     limit_to_object(photometric_.masks, scene_.train, scene_.points);
-    spdlog::info("{} points fill gaps of the start cloud", grouped(added));
+    spdlog::info("{} points fill gaps of the start cloud",
+                 grouped(scene_.points.positions.size() - before));
 }
 
 /// Comes last: it counts the results of all other decisions.

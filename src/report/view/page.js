@@ -30,7 +30,7 @@ async function follow(viewer) {
     line.setAttribute('aria-live', aloud ? 'polite' : 'off');
     line.textContent = text;
   };
-  for (let last = null;;) {
+  for (let last = null; !viewer.canvas.hidden;) {
     let pause = document.hidden ? 5000 : 1000;
     try {
       const state = await (await fetch('api/state')).json();

@@ -94,6 +94,7 @@ class Viewer {
       await new Promise(resolve => {
         this.renderer.addRun(run, splats, mesh, paletteOf(about.palette), () => {
           resolve();
+          if (i === 0) this.stateOfBox();  // newer splats have another extent
           this.ask();
         });
         if (splats.count === 0) resolve();
@@ -315,6 +316,7 @@ class Viewer {
 
   /** Zooms; the camera stays in front of the surface on the way to the pivot. */
   zoom(factor) {
+    if (factor === 1) return;
     let view = this.view;
     // Pinching moves and zooms in turn, and a look at the surface takes time.
     if (factor < 1 && !view.bounded && performance.now() - this.lookedAt > 250) {
@@ -364,10 +366,11 @@ class Viewer {
     this.ask();
   }
 
-  /** The box of all that the page shows, with a margin. */
+  /** The box of the meshes and of all but the outermost splats, with a margin. */
   extent() {
     const boxes = this.renderer.runs.flatMap(
-        run => run.about.mesh ? [run.about.mesh, run.cloud.box] : [run.cloud.box]);
+        run => [run.about.mesh, run.cloud.count ? run.cloud.box : null].filter(Boolean));
+    if (boxes.length === 0) boxes.push({low: this.view.pivot, high: this.view.pivot});
     const low = [0, 1, 2].map(a => Math.min(...boxes.map(b => b.low[a]))),
           high = [0, 1, 2].map(a => Math.max(...boxes.map(b => b.high[a])));
     const margin = 0.1 * norm(minus(high, low)) || 1;
@@ -452,6 +455,7 @@ class Viewer {
 
   /** Saves the picture with all that is drawn over it. */
   savePicture() {
+    if (this.flight) return say('The view still moves; save the picture when it rests.');
     this.movedAt = -1e9;  // all pixels
     this.draw(performance.now());
     const picture = document.createElement('canvas'), context = picture.getContext('2d');
@@ -544,6 +548,8 @@ class Viewer {
           'aria-pressed', String(pressed[button.dataset.show || button.dataset.act]));
     const photo = document.querySelector('button[data-show=photo]'), reason = this.photoMissing();
     if (photo) {
+      // A disabled button has no focus, and the keys would be lost with it.
+      if (reason && document.activeElement === photo) this.canvas.focus({preventScroll: true});
       photo.disabled = reason !== '';
       this.opacity.parentElement.hidden = photo.disabled || !this.show.photo;
       element('why').textContent = reason;
@@ -667,7 +673,7 @@ class Viewer {
     if (this.opacity) this.opacity.addEventListener('input', () => this.ask());
     canvas.addEventListener('wheel', event => {
       // Inside of a report, the report scrolls until the view has the focus.
-      if (parent !== window && document.activeElement !== canvas) return;
+      if (parent !== window && !(document.hasFocus() && document.activeElement === canvas)) return;
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 30 : 1;
       this.zoom(Math.exp(event.deltaY * lines / 600));
@@ -712,7 +718,9 @@ class Viewer {
       if (before.spread > 10) this.zoom(before.spread / after.spread);
     });
     const end = event => {
-      if (!fingers.delete(event.pointerId) || event.type !== 'pointerup' || walked >= 4) return;
+      if (!fingers.delete(event.pointerId)) return;
+      if (fingers.size > 0 || event.button > 0) walked = 4;  // no click
+      if (event.type !== 'pointerup' || walked >= 4) return;
       const index = this.panes.findIndex(pane => {
         const box = pane.getBoundingClientRect();
         return event.clientX >= box.left && event.clientX < box.right && event.clientY >= box.top &&
@@ -722,7 +730,13 @@ class Viewer {
       const box = this.panes[index].getBoundingClientRect(), x = event.clientX - box.left,
             y = event.clientY - box.top, time = event.timeStamp;
       const twice = time - last.time < 400 && Math.hypot(x - last.x, y - last.y) < 20;
-      last = {time: twice ? -1e9 : time, x, y};
+      const before = {view: this.view, camera: this.camera, selected: this.selected};
+      if (twice && last.before && !this.measuring) {  // the first click may have gone to a camera
+        this.flight = null;
+        Object.assign(this, last.before);
+        this.state();
+      }
+      last = {time: twice ? -1e9 : time, x, y, before};
       if (this.measuring)
         this.addPoint(index, x, y);
       else if (twice)
@@ -753,6 +767,8 @@ const say = text => {
 
 function fail(message) {
   say(message);
+  element('panel').classList.remove('folded');
+  document.querySelectorAll('dialog[open]').forEach(dialog => dialog.close());
   document.body.classList.add('plain');
   element('status').classList.add('notice');
   for (const id of ['canvas', 'controls', 'fold']) element(id).hidden = true;
