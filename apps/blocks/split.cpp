@@ -10,6 +10,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
+#include "optim/loop/schedule.h"
 #include "pipeline/blocks/blocks_split.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/scene/exposures.h"
@@ -69,7 +70,10 @@ std::string train_coarse(const SplitArguments& a, bool quiet) {
 }
 
 /// Settings of the whole scene, from the resolved settings of the coarse run.
-void configure(const SplitArguments& a, const std::string& coarse, OptionTable& table) {
+void configure(const SplitArguments& a,
+               const std::string& coarse,
+               TrainOptions& train,
+               OptionTable& table) {
     table.read_file(run_config_path(coarse));
     if (!a.coarse.empty()) {
         for (const std::string& config : a.configs) table.read_file(config);
@@ -82,7 +86,7 @@ void configure(const SplitArguments& a, const std::string& coarse, OptionTable& 
     table.set("plan.until", "iterations", by);
     if (a.has_resolution || a.coarse.empty())
         table.set("scene.resolution", std::to_string(a.resolution), by);
-    if (a.iterations > 0) table.set("iterations", std::to_string(a.iterations), by);
+    if (a.iterations > 0) fit_schedule(train, a.iterations);
     for (const char* key : {"eval.gt", "eval.at", "init.fixed_splats"}) table.set(key, "", by);
     table.set("eval.every", "0", by), table.set("eval.mesh", "false", by);
 }
@@ -214,7 +218,7 @@ int split_scene(SplitArguments a, bool quiet) {
     RunOptions options;
     OptionTable table;
     options.add_to(table);
-    configure(a, run, table);
+    configure(a, run, options.train, table);
     check_supported(options);
     of_coarse.scene.points_required = false;
     const Scene scene = read_scene_of_run(of_coarse.scene, run);

@@ -283,17 +283,20 @@ TEST_F(BlocksCommand, AMergedRunFindsItsSceneFromElsewhere) {
     const Result split = run_script(
         folder_, "cd a/b && " TVSGS_BIN_DIR
                  "/tvsgs-blocks split --scene ../../scene --coarse ../../coarse --out ../../far "
-                 "--blocks 1 --device cpu >../../out.txt 2>../../err.txt");
+                 "--blocks 1 --iterations 90 --device cpu >../../out.txt 2>../../err.txt");
     ASSERT_EQ(split.code, 0) << split;
+    const json config = json::parse(contents(folder_ / "far/config.json"));
+    EXPECT_EQ(config["iterations"], 90);
+    EXPECT_EQ(config["densify"]["from"], 30);  // 20 of 60 iterations: the schedule is fitted
     ASSERT_EQ(train("far", 1).code, 0) << contents(folder_ / "err.txt");
     ASSERT_EQ(bin("tvsgs-blocks merge far --out of_far").code, 0);
     const std::string scene =
         json::parse(contents(folder_ / "of_far/config.json"))["scene"]["path"];
     EXPECT_TRUE(fs::equivalent(scene, folder_ / "scene")) << scene;
     // A merged run has no checkpoint, so it cannot be resumed; nothing is lost.
-    expect_message(bin("tvsgs-train --resume of_far --iterations 90 --device cpu"), 2,
+    expect_message(bin("tvsgs-train --resume of_far --iterations 99 --device cpu"), 2,
                    {"no checkpoint", "--overwrite"});
-    EXPECT_TRUE(fs::exists(folder_ / "of_far/point_cloud/iteration_60/point_cloud.ply"));
+    EXPECT_TRUE(fs::exists(folder_ / "of_far/point_cloud/iteration_90/point_cloud.ply"));
 }
 
 TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
