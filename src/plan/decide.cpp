@@ -33,6 +33,11 @@ constexpr double kSky = 0.02;
 constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
               kOpaqueAfter = 250, kOpaqueShare = 20;
+// A start by stereo: iterations per view below kIterations; opacity; pixels between the points that
+// fill gaps; share of the iterations in which the photometric share rises to 1 at kFewViews; and
+// the factor of lr.supported just below kFewViews.
+constexpr int kSupportedPerView = 500, kGapPx = 2;
+constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
@@ -121,6 +126,7 @@ public:
         growth();
         rasteriser();
         if (covered_ > 0) {
+            if (in_.supported) support();
             normals();
             meshed_splats();
             single_views();
@@ -140,12 +146,21 @@ private:
         plan_.push_back(
             {name, choice, coverage_text(points_), points_, kSparseCloud, std::move(settings)});
     }
+    /// 0 up to kLeastViews, 1 from kFewViews on.
+    double between_few_views() const {
+        return std::clamp(static_cast<double>(look_.train_views - kLeastViews) /
+                              static_cast<double>(kFewViews - kLeastViews),
+                          0.0, 1.0);
+    }
     void by_views(const std::string& slope) {
         plan_.back().reason += str("; ", look_.train_views, " photographs: ", slope);
     }
 
     void schedule() {
-        const int enough = std::max(kIterations, kIterationsPerView * look_.train_views);
+        const int least = in_.supported
+                              ? std::min(kSupportedPerView * look_.train_views, kIterations)
+                              : kIterations,
+                  enough = std::max(least, kIterationsPerView * look_.train_views);
         iterations_ = in_.wanted >= 0
                           ? in_.wanted
                           : between(in_.configured, std::min(enough, in_.configured), covered_);
@@ -164,7 +179,7 @@ private:
             by_cloud("iterations", count, schedule);
         if (in_.wanted < 0 && covered_ > 0)
             plan_.back().reason += str("; at full coverage ", kIterationsPerView,
-                                       " per photograph, at least ", grouped(kIterations));
+                                       " per photograph, at least ", grouped(least));
     }
 
     void growth() {
@@ -193,6 +208,36 @@ private:
                          {{"backbone", kDiscs}, {"output.ply_scales", "three"}}});
     }
 
+    /// Stereo knows the surface: splats start opaque on it. With few views the photometric gradient
+    /// would move them away, so that it gets a part of their geometry late, or none.
+    void support() {
+        // Photographs that are too far apart to compare are as few.
+        const double many = look_.views_in_wide_pairs * between_few_views();
+        const double opacity = static_cast<double>(in_.options.init.opacity);
+        Settings settings{
+            {"init.support", "true"},
+            {"init.opacity", rounded(between(opacity, kOpaque, covered_))},
+            {"init.gap_px", std::to_string(kGapPx)},
+            {"lr.supported",
+             rounded(many < 1 ? std::pow(kFreeRates, between(1.0, many, covered_)) : 0)}};
+        const int full = many > 0 ? static_cast<int>(std::lround(kRising * iterations_ / many)) : 0;
+        // Gradients of cameras need all of it.
+        const bool refines = look_.pose_error >= kPoseError || in_.options.cameras.refine;
+        if (in_.parts_colors && !refines) {
+            settings.emplace_back("loss.photometric.geometry", rounded(1 - covered_));
+            settings.emplace_back("loss.photometric.geometry_full", std::to_string(full));
+        }
+        by_cloud("surface",
+                 many > 0 ? str("photometric gradients rise to ",
+                                percent(std::min(1.0, 1.0 * iterations_ / full)))
+                          : "no photometric gradients",
+                 std::move(settings));
+        by_views(str("not at all up to ", kLeastViews, ", from ", percent(kRising),
+                     " of the iterations on from ", kFewViews, " on; ",
+                     percent(look_.views_in_wide_pairs), " have another within ", kWideAngleDeg,
+                     " degrees"));
+    }
+
     void normals() {
         const std::string start = std::to_string(between(normal_start_, 1, covered_));
         by_cloud("normal loss", str("from iteration ", start), {{"loss.normal.start", start}});
@@ -218,9 +263,7 @@ private:
 
     /// With more views, surface that a single view sees is right more often, rough as it is.
     void single_views() {
-        const double many = std::clamp(static_cast<double>(look_.train_views - kLeastViews) /
-                                           static_cast<double>(kFewViews - kLeastViews),
-                                       0.0, 1.0);
+        const double many = between_few_views();
         const double covered_px = kLeastJumpPx * std::pow(kManyJumpPx / kLeastJumpPx, many),
                      jump_px = kBareJumpPx * std::pow(covered_px / kBareJumpPx, covered_);
         by_cloud("single views", str("meshed if smooth to ", short_figure(jump_px), " px"),
@@ -255,7 +298,9 @@ private:
                           weight = rounded(between(static_cast<double>(o.loss.tv_position.weight),
                                                    kPositionWeight, covered_));
         by_cloud("votes", str("every ", every), {{"tv.vote_every", every}});
-        by_cloud("position loss", str("weight ", weight), {{"loss.tv_position.weight", weight}});
+        if (!in_.supported)
+            by_cloud("position loss", str("weight ", weight),
+                     {{"loss.tv_position.weight", weight}});
         by_cloud("neighbours", str("every ", search), {{"tv.refresh_every", search}});
     }
 
@@ -264,8 +309,8 @@ private:
         const double strength = !on ? 0 : in_.dense ? 1 : covered_;
         // Before the splats are opaque, the compared depths are means of near and far ones. They
         // need as many iterations in a longer training; a short one starts earlier.
-        const std::string start =
-            std::to_string(std::clamp(iterations_ / kOpaqueShare, 1, kOpaqueAfter));
+        const int opaque = in_.supported ? 1 : kOpaqueAfter;
+        const std::string start = std::to_string(std::clamp(iterations_ / kOpaqueShare, 1, opaque));
         Settings settings, starts;
         for (const TermOnList& term : terms_on_list(in_.multi_view)) {
             if (term.needs.neighbour_views == 0 || !(term.weight > 0)) continue;

@@ -49,13 +49,15 @@ std::vector<Decision> drop_thickness_losses(const TrainOptions& options);
 
 /// Inputs of decide_training() beside the look.
 struct TrainingInputs {
-    bool dense = false;      // the settings that were chosen
-    bool discs = false;      // kDiscs may be chosen: fast here, and the user asks for no other
-    TrainOptions options;    // as resolved so far
-    int configured = 0;      // iterations that their schedule was made for
-    int wanted = -1;         // iterations that the user asks for; below 0: none
-    bool normals = false;    // stereo has found normals, and the user asks for no other priors
-    LossOptions multi_view;  // the dense settings' losses, whose multi-view terms are taken
+    bool dense = false;        // the settings that were chosen
+    bool discs = false;        // kDiscs may be chosen: fast here, and the user asks for no other
+    TrainOptions options;      // as resolved so far
+    int configured = 0;        // iterations that their schedule was made for
+    int wanted = -1;           // iterations that the user asks for; below 0: none
+    bool normals = false;      // stereo has found normals, and the user asks for no other priors
+    bool supported = false;    // stereo made the start points
+    bool parts_colors = true;  // as BackboneTraits, of the backbone as resolved so far
+    LossOptions multi_view;    // the dense settings' losses, whose multi-view terms are taken
 };
 
 /// Decides on the training, from the look at the cloud that it starts from.

@@ -47,8 +47,7 @@ TEST(Adam, SupportedSplatsHaveTheirOwnRates) {
     for (std::size_t i = 0; i < 5; ++i) g.uncertainty[i] = static_cast<float>(i);
     copy(g, before);
     AdamOptions options;
-    options.supported_position = 0.01f;
-    options.supported_scale = 7e-4f, options.supported_rotation = 3e-4f;
+    options.supported = 0.5f;
     Adam<Cpu> adam(options, g);
     const int half = options.position_max_steps / 2;
     adam.step(half, 2.0f, 1, constant_like(g, -0.3f), g, true);
@@ -60,10 +59,9 @@ TEST(Adam, SupportedSplatsHaveTheirOwnRates) {
                               : static_cast<double>(position_rate(options, half, 2)),
                     r);
         EXPECT_NEAR(g.log_scales[i].y - before.log_scales[i].y,
-                    static_cast<double>(supported ? options.supported_scale : options.scale), r);
+                    supported ? 5e-4 : static_cast<double>(options.scale), r);
         EXPECT_NEAR(g.quats[i].z - before.quats[i].z,
-                    static_cast<double>(supported ? options.supported_rotation : options.rotation),
-                    r);
+                    supported ? 2.5e-4 : static_cast<double>(options.rotation), r);
         EXPECT_NEAR(g.opacity_logits[i] - before.opacity_logits[i], options.opacity, r);
         EXPECT_EQ(g.uncertainty[i], static_cast<float>(i));
     }
@@ -75,7 +73,7 @@ TEST(Adam, SupportedSplatsMoveWhereTheOthersStandStill) {
     g.uncertainty[0] = 0, g.uncertainty[1] = 2;
     copy(g, before);
     AdamOptions options;
-    options.position_start = 0, options.supported_position = 0.01f;
+    options.position_start = 0, options.supported = 0.5f;
     Adam<Cpu> adam(options, g);
     adam.step(1000, 2.0f, 0, constant_like(g, -0.3f), g, true);
     EXPECT_EQ(g.means[0].x, before.means[0].x);

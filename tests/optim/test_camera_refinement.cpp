@@ -295,7 +295,7 @@ TEST(Support, RefusesOptionsThatDoNotFit) {
     options.cameras.refine = true;
     EXPECT_THROW(check_support(options, parts), Error) << "cameras would get the share as well";
     options = {};
-    options.lr.supported_position = 0.01f;
+    options.lr.supported = 0.5f;
     EXPECT_THROW(check_support(options, parts), Error) << "init.support is missing";
 }
 

@@ -177,7 +177,7 @@ TEST(FusedStep, SupportedSplatsHaveTheSameRatesInMemory) {
         for (std::size_t i = 0; i < 200; ++i) fused.uncertainty[i] = i % 2 == 0 ? 0 : 0.2f;
         copy(fused, in_memory), copy(fused, plain);
         AdamOptions options;
-        options.supported_position = 0.01f;
+        options.supported = 0.5f;
         const auto backbone = make_backbone<Cpu>(name, {});
         ImageGradients<Cpu> by;
         copy(std::vector<Vec3f>(40 * 30, {0.3f, -0.2f, 0.1f}), by.color);

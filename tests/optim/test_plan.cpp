@@ -1,6 +1,9 @@
 // The plan: its measurements, and its decisions on both sides of each threshold.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <functional>
 #include <utility>
 
 #include "core/device/threads.h"
@@ -108,16 +111,20 @@ TEST(Plan, CoverageByDegrees) {
 }
 
 /// Settings that depend on the points per pixel of the cloud.
-Settings by_cloud(double points_per_pixel) {
+Settings by_cloud(double points_per_pixel,
+                  int views = 3,
+                  const std::function<void(TrainingInputs&)>& change = {},
+                  double in_pairs = 1) {
     SceneLook look;
-    look.train_views = 3, look.points = 1000, look.pixels = 8000;
+    look.train_views = views, look.points = 1000, look.pixels = 8000;
     look.points_per_pixel = points_per_pixel;
-    look.views_in_pairs = look.views_in_wide_pairs = 1;
+    look.views_in_pairs = look.views_in_wide_pairs = in_pairs;
     TrainingInputs in;
     in.configured = in.options.iterations = 15000, in.normals = true;
     in.options.tv.vote_every = 10, in.options.tv.refresh_every = 100;
     in.options.loss.tv_position.weight = 1, in.options.densify.until = 15000;
     in.multi_view.multi_view_geometry.weight = 0.03f, in.multi_view.multi_view_ncc.weight = 0.15f;
+    if (change) change(in);
     Settings all;
     for (const Decision& decision : decide_training(look, in))
         all.insert(all.end(), decision.settings.begin(), decision.settings.end());
@@ -176,6 +183,74 @@ TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
     }
     EXPECT_EQ(before, 1 / 16.);
     EXPECT_EQ(value_of(by_cloud(0.01), "loss.normal.start", -1), -1) << "no decision";
+}
+
+bool names(const Settings& settings, const std::string& key) {
+    return std::any_of(settings.begin(), settings.end(),
+                       [&](const auto& setting) { return setting.first == key; });
+}
+void by_stereo(TrainingInputs& in) {
+    in.supported = true;
+}
+
+TEST(Plan, PhotometricGradientsLeaveTheSurfaceOfStereoByDegrees) {
+    struct {
+        const char* key;
+        double bare, covered, step;
+    } const slopes[] = {{"init.opacity", 0.1, 0.95, 0.003},
+                        {"loss.photometric.geometry", 1, 0, 0.0034},
+                        {"lr.supported", 3, 1, 0.012},
+                        {"iterations", 15000, 1500, 46}};
+    for (const auto& [key, bare, covered, step] : slopes) {
+        double before = bare;
+        for (int i = 1; i <= 300; ++i) {
+            const double now = value_of(by_cloud(0.02 + 0.08 / 300 * i, 3, by_stereo), key, -1);
+            EXPECT_GE((now - before) * (covered > bare ? 1 : -1), 0) << key << " " << i;
+            EXPECT_LE(std::abs(now - before), step) << key << " " << i;
+            before = now;
+        }
+        EXPECT_NEAR(before, covered, 1e-9) << key;
+    }
+}
+
+TEST(Plan, MoreViewsGiveTheSurfaceToPhotometricGradients) {
+    const auto at = [](int views, const char* key) {
+        return value_of(by_cloud(0.2, views, by_stereo), key, -1);
+    };
+    struct {
+        int views;
+        double iterations, full, rates;
+    } const rows[] = {{2, 1000, 0, 1},    {3, 1500, 0, 1},     {6, 3000, 1800, std::sqrt(3)},
+                      {9, 4500, 1350, 0}, {20, 5000, 1500, 0}, {30, 7500, 2250, 0}};
+    for (const auto& [views, iterations, full, rates] : rows) {
+        SCOPED_TRACE(views);
+        EXPECT_EQ(at(views, "iterations"), iterations);
+        EXPECT_EQ(at(views, "loss.photometric.geometry"), 0);
+        EXPECT_EQ(at(views, "loss.photometric.geometry_full"), full);
+        EXPECT_NEAR(at(views, "lr.supported"), rates, 1e-4);
+        EXPECT_EQ(at(views, "loss.multi_view_ncc.start"), 1);
+        EXPECT_EQ(at(views, "loss.tv_position.weight"), -1) << "that of the preset";
+    }
+    const Settings apart = by_cloud(0.2, 9, by_stereo, 0);
+    EXPECT_EQ(value_of(apart, "loss.photometric.geometry_full", -1), 0) << "too far apart";
+    EXPECT_EQ(value_of(apart, "lr.supported", -1), 1);
+}
+
+TEST(Plan, OnlyAStartByStereoHasASurface) {
+    const auto settings = [](const std::function<void(TrainingInputs&)>& change) {
+        return by_cloud(0.2, 3, [&](TrainingInputs& in) {
+            by_stereo(in);
+            change(in);
+        });
+    };
+    for (const char* key : {"init.support", "init.opacity", "init.gap_px", "lr.supported",
+                            "loss.photometric.geometry"})
+        EXPECT_FALSE(names(by_cloud(0.2), key)) << key;
+    for (const auto& all : {settings([](TrainingInputs& in) { in.options.cameras.refine = true; }),
+                            settings([](TrainingInputs& in) { in.parts_colors = false; })}) {
+        EXPECT_TRUE(sets(all, "init.support", "true"));
+        EXPECT_FALSE(names(all, "loss.photometric.geometry")) << "would be refused";
+    }
 }
 
 TEST(Plan, DecisionsSayWhereOnTheSlopeTheyAre) {

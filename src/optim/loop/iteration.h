@@ -58,11 +58,11 @@ public:
           others_(make_neighbour_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
+          photometric_(options.loss.photometric),
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
         check_cameras(options, backbone_->traits.has_camera_gradient);
         check_support(options, backbone_->traits);
-        backbone_->set_color_share(options.loss.photometric.geometry);
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
@@ -105,6 +105,7 @@ public:
                    Span<double> by_camera,
                    const Watch& watch) {
         sh_degree_ = sh_degree_at(model_, step);
+        backbone_->set_color_share(photometric_.geometry_at(step));
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
         NeighbourViews<Device>* others = nullptr;
         if (needs_at(losses, step, view.index, true).neighbour_views > 0)
@@ -247,6 +248,7 @@ private:
     DeviceViews<Device> views_;
     std::vector<Camera> cameras_;
     ModelOptions model_;
+    PhotometricOptions photometric_;
     float extent_;
     FixedSplats<Device> fixed_;
     Objective<Device> objective_;

@@ -48,10 +48,9 @@ void check_support(const TrainOptions& options, const BackboneTraits& backbone) 
     if (parts && options.cameras.refine)
         throw Error(ExitCode::usage,
                     "loss.photometric.geometry below 1 and cameras.refine exclude each other");
-    if ((parts || options.lr.supported_position > 0) && !options.init.support)
+    if ((parts || options.lr.supported > 0) && !options.init.support)
         throw Error(ExitCode::usage,
-                    "loss.photometric.geometry below 1 and lr.supported_position need "
-                    "init.support = true");
+                    "loss.photometric.geometry below 1 and lr.supported need init.support = true");
 }
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {

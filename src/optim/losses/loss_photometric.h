@@ -1,6 +1,7 @@
 // Loss: the render against its photograph.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
@@ -13,7 +14,7 @@ namespace tvsgs {
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f, geometry = 1;
     bool exposure = false;
-    int exposure_start = 1001;
+    int exposure_start = 1001, geometry_full = 0;
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
     std::string background = "none", exposure_from, sky_from;
@@ -27,6 +28,8 @@ struct PhotometricOptions {
         field("geometry", geometry, {0, 1},
               "share of the gradient that moves, turns and scales splats that stereo supports "
               "(init.support); colours and opacities get all of it");
+        field("geometry_full", geometry_full, {0, 1e9},
+              "iteration at which that share has risen to 1, in a straight line; 0: it stays");
         field("exposure", exposure,
               "fit brightness and offset of each photograph, in the L1 term (PGSR)");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that fit");
@@ -50,6 +53,15 @@ struct PhotometricOptions {
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {
         visit("exposure_start", o.exposure_start);
+        visit("geometry_full", o.geometry_full);
+    }
+
+    /// The share `geometry` at an iteration.
+    float geometry_at(int step) const {
+        if (geometry_full == 0) return geometry;
+        const float risen =
+            std::min(static_cast<float>(step) / static_cast<float>(geometry_full), 1.0f);
+        return geometry + (1 - geometry) * risen;
     }
 };
 

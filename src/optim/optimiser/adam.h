@@ -15,7 +15,7 @@ struct AdamOptions {
     float position_start = 1.6e-4f, position_end = 1.6e-6f;
     int position_max_steps = 30000;
     float sh_dc = 2.5e-3f, sh_rest = 1.25e-4f, opacity = 0.05f, scale = 0.005f, rotation = 0.001f;
-    float supported_position = 0, supported_scale = 5e-4f, supported_rotation = 5e-4f;
+    float supported = 0;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -30,18 +30,18 @@ struct AdamOptions {
         field("opacity", opacity, {0, 10}, "learning rate of the opacity logits");
         field("scale", scale, {0, 1}, "learning rate of the log scales");
         field("rotation", rotation, {0, 1}, "learning rate of the quaternions");
-        field("supported_position", supported_position, {0, 10},
-              "learning rate of the means that stereo supports (init.support), in their "
-              "uncertainties at the start, with the decay of the others; 0: learning rates of the "
-              "others");
-        field("supported_scale", supported_scale, {0, 1},
-              "learning rate of the log scales of supported splats, if supported_position is above "
-              "0");
-        field("supported_rotation", supported_rotation, {0, 1},
-              "learning rate of the quaternions of supported splats, if supported_position is "
-              "above 0");
+        field(
+            "supported", supported, {0, 100},
+            "factor of the learning rates of splats that stereo supports (init.support): 0.02 "
+            "uncertainties for the means, with the decay of the others, 0.001 for the log scales, "
+            "0.0005 for the quaternions; 0: learning rates of the others");
     }
 };
+
+/// Rates of supported splats at AdamOptions::supported = 1: of the means, in uncertainties, of the
+/// log scales, and of the quaternions.
+inline constexpr float kSupportedPosition = 0.02f, kSupportedScale = 1e-3f,
+                       kSupportedRotation = 5e-4f;
 
 /// Parameters that share a learning rate, in the order of the kinds in Gaussians.
 enum class ParameterGroup { means, scales, rotations, opacities, sh_dc, sh_rest };
@@ -195,18 +195,18 @@ private:
     /// The rates of splats that stereo supports; none if they have the rates of the others.
     SupportedScale supported(int step, const Gaussians<Device>& g) const {
         using enum ParameterGroup;
-        if (!(options_.supported_position > 0) || g.uncertainty.empty()) return {};
+        if (!(options_.supported > 0) || g.uncertainty.empty()) return {};
         const auto scaled = [&](float own, ParameterGroup group) {
             const float factor = rate_factors_[static_cast<std::size_t>(group)];
-            return adam_scale(own * factor, count_).step;
+            return adam_scale(options_.supported * own * factor, count_).step;
         };
         // A rate of 0 of the others holds them still and has no decay.
         const float first = options_.position_start,
                     fall = first > 0 ? position_rate(options_, step, 1) / first : 1;
         const Span<const float> u = g.uncertainty.span();
-        return {{u, scaled(options_.supported_position * fall, means), true},
-                {u, scaled(options_.supported_scale, scales)},
-                {u, scaled(options_.supported_rotation, rotations)}};
+        return {{u, scaled(kSupportedPosition * fall, means), true},
+                {u, scaled(kSupportedScale, scales)},
+                {u, scaled(kSupportedRotation, rotations)}};
     }
 
     /// Rate of the current step with its bias correction.

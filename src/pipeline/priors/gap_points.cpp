@@ -11,6 +11,10 @@ namespace {
 
 constexpr float kBehind = 1.05f;       // a point covers depths up to this multiple of its own
 constexpr float kLeastFacing = 0.15f;  // cosine between ray and normal; depth edges have less
+// A gap is filled where this share of the pixels at most kReach away is measured. At the straight
+// border of a measured surface the share is a half.
+constexpr int kReach = 6;
+constexpr float kEnclosed = 0.6f;
 
 /// Depth of the farthest point at each pixel or beside it; 0: none.
 std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>& points) {
@@ -33,6 +37,30 @@ std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>
     return farthest;
 }
 
+/// Share of measured pixels among those that are at most kReach columns and rows away.
+std::vector<float> measured_shares(const std::vector<float>& depth, int w, int h) {
+    std::vector<int> sums(
+        static_cast<std::size_t>((w + 1) * (h + 1)));  // above and left of a pixel
+    const auto sum = [&](int x, int y) -> int& {
+        return sums[static_cast<std::size_t>(y * (w + 1) + x)];
+    };
+    std::vector<float> shares(depth.size());
+    for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x)
+            sum(x + 1, y + 1) = sum(x, y + 1) + sum(x + 1, y) - sum(x, y) +
+                                (depth[static_cast<std::size_t>(y * w + x)] > 0);
+    for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x) {
+            const int left = std::max(x - kReach, 0), right = std::min(x + kReach + 1, w),
+                      top = std::max(y - kReach, 0), bottom = std::min(y + kReach + 1, h);
+            shares[static_cast<std::size_t>(y * w + x)] =
+                static_cast<float>(sum(right, bottom) - sum(left, bottom) - sum(right, top) +
+                                   sum(left, top)) /
+                static_cast<float>((right - left) * (bottom - top));
+        }
+    return shares;
+}
+
 bool has_depth(const StereoMaps& maps) {
     return std::any_of(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; });
 }
@@ -53,12 +81,13 @@ std::size_t add_gap_points(const std::vector<StereoMaps>& stereo,
         const int w = camera.width_px, h = camera.height_px;
         const Span<const float> depth{maps.depth.data(), maps.depth.size()};
         const std::vector<float> covered = covered_depths(camera, cloud.positions);
+        const std::vector<float> measured = measured_shares(stereo[v].depth, w, h);
         const ImageU8& photo = views[v].photo;
         for (int y = spacing_px / 2; y < h; y += spacing_px)
             for (int x = spacing_px / 2; x < w; x += spacing_px) {
                 const auto i = static_cast<std::size_t>(y * w + x);
                 const float z = depth[i];
-                if (!(z > 0) || z < kBehind * covered[i]) continue;
+                if (!(z > 0) || z < kBehind * covered[i] || measured[i] < kEnclosed) continue;
                 // Pixel of the photograph, which may be finer than the maps.
                 const int px = (2 * x + 1) * photo.width / (2 * w),
                           py = (2 * y + 1) * photo.height / (2 * h);

@@ -80,6 +80,8 @@ public:
     void provide_resumed(const ResumePoint& point);  // in place of rounds 2 and 3
     Resolved result() { return {std::move(scene_), options_, std::move(plan_)}; }
 
+    /// Whether stereo made the start points.
+    bool by_stereo() const { return !scene_.points.confidences.empty() && !stereo_.maps.empty(); }
     bool needs_stereo() const { return tvsgs::needs_stereo(options_, scene_); }
     void remark(const std::string& text) { plan_.remark(text); }
 
@@ -205,7 +207,7 @@ void Preparation::decide_training() {
 void Preparation::provide_gap_points() {
     const int spacing_px = options_.train.init.gap_px;
     if (spacing_px == 0) return;
-    if (scene_.points.confidences.empty() || stereo_.maps.empty())
+    if (!by_stereo())
         return spdlog::warn("init.gap_px fills no gaps, because stereo did not make the cloud");
     const std::size_t before = scene_.points.positions.size();
     add_gap_points(stereo_.maps, scene_.train, sky_, spacing_px, scene_.points);
@@ -230,6 +232,9 @@ TrainingInputs Preparation::training_inputs() const {
     in.configured = options_of(dense_ ? kDenseConfig : kSparseConfig).iterations;
     in.wanted = pinned("iterations") ? options_.train.iterations : -1;
     in.normals = !stereo_.maps.empty() && may_take_normals(config_);
+    in.supported = by_stereo();
+    in.parts_colors =
+        make_backbone<Cpu>(options_.train.backbone, options_.train.render)->traits.parts_colors;
     in.multi_view = options_of(kDenseConfig).loss;
     return in;
 }
