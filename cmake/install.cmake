@@ -57,7 +57,8 @@ foreach(command ${commands})
     endif()
 endforeach()
 add_custom_target(tvsgs-manuals ALL DEPENDS ${manual_files})
-install(DIRECTORY configs matrices DESTINATION ${CMAKE_INSTALL_DATADIR}/tvsgs COMPONENT tvsgs)
+install(DIRECTORY configs matrices python DESTINATION ${CMAKE_INSTALL_DATADIR}/tvsgs COMPONENT tvsgs
+    PATTERN __pycache__ EXCLUDE)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tvsgs)
 foreach(package ${packages} libtvsgs-dev)
     install(FILES packaging/copyright DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} COMPONENT ${package})
@@ -87,6 +88,10 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/generated/cmake/tvsgs-con
 install(FILES ${PROJECT_BINARY_DIR}/generated/cmake/tvsgs-config.cmake
         ${PROJECT_BINARY_DIR}/generated/cmake/tvsgs-config-version.cmake
     DESTINATION ${package_dir} COMPONENT libtvsgs-dev)
+
+install(TARGETS tvsgs_votes RUNTIME_DEPENDENCY_SET tvsgs_runtime
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT tvsgs NAMELINK_COMPONENT libtvsgs-dev)
+install(FILES include/tvsgs_votes.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT libtvsgs-dev)
 
 # 4. For the tarball alone: the shared libraries of the commands with their licences, but for the C library, which
 # must be the machine's own.
@@ -146,7 +151,7 @@ if(suggested)
 endif()
 list(JOIN suggested ", " CPACK_DEBIAN_TVSGS_PACKAGE_SUGGESTS)
 set(CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS
-    "libeigen3-dev, libnanoflann-dev, libspdlog-dev, libwebp-dev, libzip-dev, libzstd-dev"
+    "tvsgs${CPACK_TVSGS_SUFFIX}, libeigen3-dev, libnanoflann-dev, libspdlog-dev, libwebp-dev, libzip-dev, libzstd-dev"
     "nlohmann-json3-dev, pkg-config, zlib1g-dev")
 list(JOIN CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS ", " CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS)
 set(CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_SHLIBDEPS OFF)

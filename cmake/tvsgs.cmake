@@ -54,12 +54,17 @@ if(TVSGS_SANITIZE)
 endif()
 
 # tvsgs_library(NAME SOURCES a.cpp ... CUDA_SOURCES a.cu ... LINK lib ...)
+# SHAREABLE: a shared library may contain it.
 function(tvsgs_library name)
-    cmake_parse_arguments(ARG "" "" "SOURCES;CUDA_SOURCES;LINK;PRIVATE_LINK" ${ARGN})
+    cmake_parse_arguments(ARG "SHAREABLE" "" "SOURCES;CUDA_SOURCES;LINK;PRIVATE_LINK" ${ARGN})
     if(TVSGS_CUDA)
         list(APPEND ARG_SOURCES ${ARG_CUDA_SOURCES})
     endif()
     add_library(${name} STATIC ${ARG_SOURCES})
+    if(ARG_SHAREABLE)  # hidden: calls within the library cost no more than in a program
+        set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
+            CXX_VISIBILITY_PRESET hidden CUDA_VISIBILITY_PRESET hidden)
+    endif()
     target_link_libraries(${name} PUBLIC tvsgs_flags ${ARG_LINK} PRIVATE ${ARG_PRIVATE_LINK})
     if(TVSGS_CUDA)
         target_link_libraries(${name} PUBLIC CUDA::cudart_static)

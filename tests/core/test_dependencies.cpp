@@ -23,6 +23,7 @@ const std::map<std::string, std::set<std::string>> kMayUse{
     {"core", {}},
     {"io", {"core"}},
     {"tv", {"core"}},
+    {"votes", {"core", "tv"}},
     {"render", {"core"}},
     {"mvs", {"core"}},
     {"optim", {"core", "tv", "render"}},

@@ -75,7 +75,8 @@ VotingDetails TensorVoter<Device>::details() const {
     const auto points = to_host(s.neighbours.points);
     const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
         out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
-        if (values.size() < points.size()) return;  // no event yet
+        // Without neighbours or an event nothing fits the splats.
+        if (s.neighbours.k == 0 || values.size() < points.size()) return;
         const std::vector<T> host = to_host(values);
         for (std::size_t rank = 0; rank < points.size(); ++rank)
             out[points[rank].index] = host[rank];

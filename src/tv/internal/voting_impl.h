@@ -53,8 +53,9 @@ void TensorVoter<Device>::vote(int step,
     s.times.begin();
 
     measure_noise(splats);
-    if (s.stale || step - s.searched_at >= options_.refresh_every || step < s.searched_at) {
+    if (s.stale || step - s.searched_at >= options_.refresh_every || step < s.searched_at)
         search(step, splats);
+    if (std::exchange(s.new_lists, false)) {
         const detail::Ranks ranks = s.ranks(splats);
         s.all_have_tensors =
             s.neighbours.k > 0 &&
@@ -102,7 +103,8 @@ void TensorVoter<Device>::search(int step, const SplatSpans& splats) {
         s.scratch, s.neighbours, [&s](const char* stage) { s.times.done(stage); });
     s.searched_at = step;
     s.listed = splats.size();
-    s.stale = s.all_have_tensors = false;  // vote() counts the tensors
+    s.stale = s.all_have_tensors = false;
+    s.new_lists = true;  // vote() counts the tensors
     const Neighbours<Device>& found = s.neighbours;
     if (found.k == 0 && !std::exchange(s.warned_few, true))
         detail::warn_too_few(found.usable, splats.size());

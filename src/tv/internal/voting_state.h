@@ -45,6 +45,7 @@ template <class Device>
 struct VotingState {
     bool stale = true;              // the lists do not fit the splats
     bool changed = false;           // structure_changed() since the last event
+    bool new_lists = false;         // a search since the last event
     int searched_at = 0;            // iteration
     int listed = -1;                // number of splats at the last search
     bool all_have_tensors = false;  // all splats in the lists have one, so there is no ball round
