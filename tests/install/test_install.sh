@@ -65,3 +65,20 @@ cmake --build program >"$work/log" || fail "the example program does not build: 
 "$prefix/bin/tvsgs-synth" --out scene --views 2 --width 16 --height 16 --points 50 --quiet
 program/train_darker scene splats.ply 20 || fail "the example program does not train"
 "$prefix/bin/tvsgs-export" splats.ply splats.spz --quiet || fail "splats.ply is not readable"
+
+# A C program and the Python package find the votes.
+library=$(find "$prefix" -name libtvsgs_votes.so)
+cat >votes.c <<'END'
+#include <tvsgs_votes.h>
+int main(void) {
+    tvsgs_votes* votes;
+    return tvsgs_votes_create("cpu", "k=5", &votes);
+}
+END
+"$cxx" -x c votes.c "-I$prefix/include" "-L${library%/*}" "-Wl,-rpath,${library%/*}" -ltvsgs_votes -o votes ||
+    fail "libtvsgs_votes cannot be linked"
+./votes || fail "libtvsgs_votes does not run"
+if command -v python3 >/dev/null; then
+    PYTHONPATH=$prefix/share/tvsgs/python TVSGS_VOTES_LIBRARY=$library python3 -B -c 'import tvsgs; tvsgs.Votes()' ||
+        fail "the Python package does not load"
+fi
