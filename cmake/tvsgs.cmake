@@ -61,7 +61,7 @@ function(tvsgs_library name)
         list(APPEND ARG_SOURCES ${ARG_CUDA_SOURCES})
     endif()
     add_library(${name} STATIC ${ARG_SOURCES})
-    if(ARG_SHAREABLE)  # hidden: calls within the library cost no more than in a program
+    if(ARG_SHAREABLE)  # hidden symbols are called without the tables of a shared library
         set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
             CXX_VISIBILITY_PRESET hidden CUDA_VISIBILITY_PRESET hidden)
     endif()

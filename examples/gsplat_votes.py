@@ -1,7 +1,7 @@
-"""A training with gsplat whose splats vote: VoteLoss is all that a trainer of your own needs.
+"""Adds votes to a training with gsplat. Your own trainer needs only VoteLoss.
 
-DefaultStrategy reorders every tensor in its state with the splats, so an index per splat tells the parents. MCMCStrategy
-does not: pass {} as `state`.
+DefaultStrategy reorders every tensor in its state with the splats, so an index per splat tells the parents.
+MCMCStrategy does not: pass {} as `state`.
 """
 import torch
 from gsplat import DefaultStrategy, rasterization

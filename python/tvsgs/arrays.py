@@ -55,7 +55,7 @@ class View:
     """Address of contiguous elements. It keeps the array alive."""
 
     def __init__(self, name, array, shape, dtype, gpu, stream):
-        """shape: -1 stands for any length. gpu: of the votes, -1: CPU."""
+        """shape: -1: any length. gpu: of the votes, -1: CPU."""
         if library_of(array) == 'numpy':
             self._read_numpy(array, dtype)
         elif hasattr(array, '__dlpack__'):

@@ -2,6 +2,7 @@
 #include <tvsgs_votes.h>
 
 #include <limits>
+#include <memory>
 #include <mutex>
 #include <utility>
 

@@ -1,4 +1,4 @@
-"""Stands in for the part of PyTorch that the losses and the example use, on NumPy; for machines without PyTorch."""
+"""The part of PyTorch that the losses and the example use, on NumPy, for machines without PyTorch."""
 import sys
 import types
 

@@ -1,6 +1,7 @@
 // The C interface of votes, compared with TensorVoter bit by bit, and its errors.
 #include <tvsgs_votes.h>
 
+#include <numeric>
 #include <thread>
 
 #include "votes/votes_case.h"
@@ -82,6 +83,26 @@ TYPED_TEST(VotesInterface, HasTheBitsOfTheVoter) {
     }
 }
 
+// Its vote was with fewer splats than the parents name.
+TYPED_TEST(VotesInterface, InheritsNothingFromARefreshWithoutVote) {
+    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
+    const auto few = to_gaussians<TypeParam>(sphere(50, 5, 0.03f));
+    const auto many = to_gaussians<TypeParam>(sphere(4000, 6, 0.03f));
+    const Handle votes = create<TypeParam>(), fresh = create<TypeParam>();
+    const tvsgs_votes_splats first = pointers_to(few), splats = pointers_to(many);
+    ASSERT_EQ(tvsgs_votes_refresh(votes.get(), &first, nullptr, nullptr), 0);
+    ASSERT_EQ(tvsgs_votes_vote(votes.get(), &first, nullptr), 0);
+    std::vector<int> parents(4000);
+    std::iota(parents.begin(), parents.end(), 0);
+    ASSERT_EQ(tvsgs_votes_refresh(votes.get(), &splats, nullptr, nullptr), 0);
+    for (const Handle* handle : {&votes, &fresh}) {
+        const int* const of = handle == &votes ? parents.data() : nullptr;
+        ASSERT_EQ(tvsgs_votes_refresh(handle->get(), &splats, of, nullptr), 0);
+        ASSERT_EQ(tvsgs_votes_vote(handle->get(), &splats, nullptr), 0);
+    }
+    expect_same(results_of(votes.get(), 4000), results_of(fresh.get(), 4000));
+}
+
 TYPED_TEST(VotesInterface, TakesTheOptions) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     const auto g = to_gaussians<TypeParam>(sphere(200, 5, 0.03f));
@@ -131,7 +152,7 @@ TYPED_TEST(VotesInterface, NamesErrorsAndGoesOn) {
     parents[7] = -2;
     expect_error(tvsgs_votes_refresh(votes, &splats, parents.data(), nullptr), votes, "parent -2");
 
-    // None of these errors has cost the handle its splats.
+    // The handle keeps its splats after these errors.
     EXPECT_EQ(tvsgs_votes_vote(votes, &splats, nullptr), 0) << tvsgs_votes_error(votes);
     EXPECT_STREQ(tvsgs_votes_error(votes), "");
     splats.count = 49;
