@@ -35,6 +35,8 @@ TEST(JsonValues, ReadBackAsWritten) {
     EXPECT_EQ(json_text(parse_json_value(json_text(value), "again")), json_text(value));
     EXPECT_FALSE(JsonValue(std::nan("")));
     EXPECT_EQ(json_text(JsonValue(std::string("\xff"))), "\"\xef\xbf\xbd\"");
+    EXPECT_EQ(json_text(JsonValue(std::string("a\n\x01\"b\\\xc3\xa9 \xc3"))),
+              "\"a\\n\\u0001\\\"b\\\\\xc3\xa9 \xef\xbf\xbd\"");
     EXPECT_THROW(parse_json_value("{\"a\": ", "half.json"), Error);
     EXPECT_THROW(parse_json_value(std::string(100, '[') + std::string(100, ']'), "deep"), Error);
 }
