@@ -133,10 +133,15 @@ std::string error_scale(double full) {
 }
 
 std::string json_for_page(const JsonValue& value) {
-    std::string text = json_text(value);
-    for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;)
-        text.replace(at, 1, "\\u003c");
-    return text;
+    const std::string text = json_text(value);
+    std::string out;
+    out.reserve(text.size() + text.size() / 16);
+    for (std::size_t at = 0, open; at < text.size(); at = open + 1) {
+        open = std::min(text.find('<', at), text.size());
+        out.append(text, at, open - at);
+        if (open < text.size()) out += "\\u003c";
+    }
+    return out;
 }
 
 }  // namespace tvsgs

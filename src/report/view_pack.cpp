@@ -40,7 +40,7 @@ void lower_degree(Gaussians<Cpu>& g) {
     g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
 }
 
-constexpr int kRuns = 20, kRun = 1000;  // runs of neighbouring splats, as a sample
+constexpr int kRuns = 20, kRun = 250;  // runs of neighbouring splats, as a sample
 
 /// Bytes per packed splat, estimated from runs of neighbours.
 double bytes_per_splat(const Gaussians<Cpu>& g) {
@@ -86,8 +86,7 @@ PackedSplats pack_splats(Gaussians<Cpu> g, std::size_t max_bytes, int max_splats
         keep_largest(g, static_cast<std::size_t>(share * g.size()));
         packed.bytes.clear();
     }
-    if (!packed.bytes.empty())
-        packed.shown = parse_spz(packed.bytes, "the page's splats", kFormat.frame).splats;
+    packed.shown = std::move(g);
     return packed;
 }
 

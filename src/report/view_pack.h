@@ -14,7 +14,7 @@ namespace tvsgs {
 
 struct PackedSplats {
     std::vector<std::uint8_t> bytes;  // SPZ 3 in our frame; may be empty
-    Gaussians<Cpu> shown;             // as the page decodes them
+    Gaussians<Cpu> shown;             // the packed splats, not rounded
     int of = 0, of_degree = 0;        // visible splats before packing, and their SH degree
 };
 

@@ -5,6 +5,7 @@
 #include <map>
 #include <numeric>
 
+#include "core/device/parallel_errors.h"
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/version.h"
@@ -62,12 +63,13 @@ std::vector<std::string> photographs(const std::vector<ViewCamera>& cameras, int
     const std::size_t n = with.size(), kept = std::min(n, static_cast<std::size_t>(count));
     std::vector<std::string> jpegs(cameras.size());
     for (int side = kPhotoSide; kept > 0;) {
-        std::size_t bytes = 0;
-        for (std::size_t k = 0; k < kept; ++k) {
+        parallel_for_throwing(static_cast<int>(kept), [&](int index) {
+            const auto k = static_cast<std::size_t>(index);
             const std::size_t i = with[kept < 2 ? 0 : k * (n - 1) / (kept - 1)];
             jpegs[i] = jpeg_bytes(at_most(cameras[i].photo, side), 80);
-            bytes += jpegs[i].size();
-        }
+        });
+        std::size_t bytes = 0;
+        for (const std::string& jpeg : jpegs) bytes += jpeg.size();
         if (bytes <= kPhotoBytes || side <= 64) break;
         side = static_cast<int>(
             0.95 * side * std::sqrt(static_cast<double>(kPhotoBytes) / static_cast<double>(bytes)));
