@@ -41,14 +41,26 @@ double psnr_of(const Image<T>& a, const Image<T>& b) {
 
 constexpr int kRadius = kSsimRadius;
 
+constexpr int kTaps = 2 * kRadius + 1;
+
+/// out[x] = sum over the taps of weight * rows[tap][x].
+void blur(const std::array<const double*, kTaps>& rows, int width, double* __restrict out) {
+    for (int x = 0; x < width; ++x) {
+        double sum = 0;
+        for (int tap = 0; tap < kTaps; ++tap)
+            sum += ssim_weight<double>(tap - kRadius) * rows[static_cast<std::size_t>(tap)][x];
+        out[x] = sum;
+    }
+}
+
 /// Windowed means of a, b, a^2, b^2 and ab over rows of one channel, with zeros outside.
 class WindowMeans {
 public:
     enum Mean { of_a, of_b, of_aa, of_bb, of_ab, kMeans };
 
-    explicit WindowMeans(int width) : width_(width) {
-        for (auto* rows : {&raw_, &means_})
-            for (auto& row : *rows) row.resize(static_cast<std::size_t>(width));
+    explicit WindowMeans(int width) : width_(width), zeros_(static_cast<std::size_t>(width)) {
+        for (auto& row : raw_) row.resize(static_cast<std::size_t>(width + 2 * kRadius));
+        for (auto& row : means_) row.resize(static_cast<std::size_t>(width));
     }
 
     /// Blurs along the rows [begin, end).
@@ -56,22 +68,18 @@ public:
     void read(const Image<T>& a, const Image<T>& b, int channel, int begin, int end) {
         begin_ = begin, end_ = end;
         for (auto& plane : rows_)
-            plane.assign(static_cast<std::size_t>(end - begin) * static_cast<std::size_t>(width_),
-                         0);
+            plane.resize(static_cast<std::size_t>(end - begin) * static_cast<std::size_t>(width_));
         for (int y = begin; y < end; ++y) {
             for (int x = 0; x < width_; ++x) {
                 const double va = unit(a.at(x, y, channel)), vb = unit(b.at(x, y, channel));
-                raw_[of_a][x] = va, raw_[of_b][x] = vb;
-                raw_[of_aa][x] = va * va, raw_[of_bb][x] = vb * vb, raw_[of_ab][x] = va * vb;
+                const int at = x + kRadius;
+                raw_[of_a][at] = va, raw_[of_b][at] = vb;
+                raw_[of_aa][at] = va * va, raw_[of_bb][at] = vb * vb, raw_[of_ab][at] = va * vb;
             }
             for (int mean = 0; mean < kMeans; ++mean) {
-                const double* from = raw_[mean].data();
-                double* to = row(mean, y);
-                for (int k = -kRadius; k <= kRadius; ++k) {
-                    const double weight = ssim_weight<double>(k);
-                    for (int x = std::max(0, -k); x < std::min(width_, width_ - k); ++x)
-                        to[x] += weight * from[x + k];
-                }
+                std::array<const double*, kTaps> shifted;
+                for (std::size_t tap = 0; tap < kTaps; ++tap) shifted[tap] = &raw_[mean][tap];
+                blur(shifted, width_, row(mean, y));
             }
         }
     }
@@ -79,13 +87,13 @@ public:
     /// The means of row y; the rows within kRadius must have been read.
     const std::array<std::vector<double>, kMeans>& at(int y) {
         for (int mean = 0; mean < kMeans; ++mean) {
-            double* to = means_[mean].data();
-            std::fill_n(to, width_, 0.0);
-            for (int v = std::max(begin_, y - kRadius); v <= std::min(end_ - 1, y + kRadius); ++v) {
-                const double weight = ssim_weight<double>(v - y);
-                const double* from = row(mean, v);
-                for (int x = 0; x < width_; ++x) to[x] += weight * from[x];
+            std::array<const double*, kTaps> around;
+            for (int tap = 0; tap < kTaps; ++tap) {
+                const int v = y + tap - kRadius;
+                around[static_cast<std::size_t>(tap)] =
+                    v >= begin_ && v < end_ ? row(mean, v) : zeros_.data();
             }
+            blur(around, width_, means_[mean].data());
         }
         return means_;
     }
@@ -96,7 +104,8 @@ private:
     }
 
     int width_, begin_ = 0, end_ = 0;
-    std::array<std::vector<double>, kMeans> raw_, rows_, means_;
+    std::vector<double> zeros_;
+    std::array<std::vector<double>, kMeans> raw_, rows_, means_;  // raw_ with zeros at both ends
 };
 
 template <class T>
