@@ -90,9 +90,13 @@ void settle_flags(CLI::App& app) {
     app.set_help_flag("-h,--help", "print this page");
     app.set_help_all_flag("--help-all", "print all flags");
     app.add_option_function<int>(
-           "--threads", [](int count) { set_thread_count(count); },
+           "--threads",
+           [](int count) {
+               set_thread_count(count);
+               setenv("OMP_NUM_THREADS", std::to_string(count).c_str(), 1);  // for child programs
+           },
            "CPU threads [OMP_NUM_THREADS, else all available CPUs]")
-        ->check(CLI::Range(1, 4096));
+        ->check(CLI::Range(1, 1024));
     for (CLI::Option* option : app.get_options()) {
         if (option->get_multi_option_policy() == CLI::MultiOptionPolicy::Throw &&
             option->get_expected_max() == 1)
@@ -271,6 +275,7 @@ void say_next(std::initializer_list<std::string> words, const std::string& what)
 }
 
 int run_command(const std::function<int()>& command) {
+    setenv("OMP_WAIT_POLICY", "passive", 0);  // for child programs, such as COLMAP
     guard_standard_streams();
     end_on_signals();
     try {

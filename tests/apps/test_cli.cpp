@@ -136,7 +136,7 @@ TEST_F(Cli, RunFolderIsComplete) {
     EXPECT_EQ(scores.at("per_view").size(), tested);
     std::size_t pictures = 0;
     for (const auto& file : fs::directory_iterator(run / "test"))
-        pictures += file.path().extension() == ".png";
+        pictures += read_image(file.path()).width == 64;
     EXPECT_EQ(pictures, 3 * tested) << "render, normals and depth";
     EXPECT_TRUE(splats("run").starts_with("ply\n"));
 }
@@ -350,6 +350,28 @@ TEST_F(Cli, OutputsThatCannotBeWritten) {
     r = call("train", "--scene scene --device cpu --iterations 1 --out file");
     EXPECT_EQ(r.code, 6) << r;
     EXPECT_EQ(contents(folder_ / "file"), "precious");
+
+    // Other work goes on while these are written.
+    for (const char* part : {"test", "point_cloud"}) {
+        const std::string without = std::string("without_") + part;
+        fs::create_directories(folder_ / without);
+        std::ofstream(folder_ / without / part).flush();  // where a folder has to be
+        r = call("train", "--scene scene --device cpu --iterations 1 --eval --out " + without);
+        EXPECT_EQ(r.code, 6) << part << ": " << r;
+        EXPECT_TRUE(r.says(without + "/" + part + "/")) << r;
+        EXPECT_EQ(contents(folder_ / without / "log.jsonl").find("\"done\""), std::string::npos);
+    }
+    EXPECT_TRUE(fs::exists(folder_ / "without_test/point_cloud/iteration_1/point_cloud.ply"));
+}
+
+TEST_F(Cli, ThreadsHaveALimit) {
+    for (const char* tool : {"train", "extract-mesh", "eval", "eval geometry", "synth"})
+        for (const char* count : {"0", "-1", "1025", "99999999999", "many"}) {
+            const Result r = call(tool, std::string("--threads ") + count);
+            EXPECT_EQ(r.code, 2) << tool << ": " << r;
+            EXPECT_TRUE(r.says(std::string("--threads: expected 1 to 1024, found ") + count)) << r;
+        }
+    EXPECT_EQ(call("train", "--list-keys --threads 1024").code, 0);
 }
 
 TEST_F(Cli, SignalsEndTrainingWithItsSplatsSaved) {

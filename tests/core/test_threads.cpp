@@ -1,9 +1,15 @@
 // Loops that threads share: every chunk once, slots of one thread at a time, exceptions, nesting.
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/resource.h>
 
 #include <atomic>
 #include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -11,6 +17,11 @@
 
 namespace tvsgs {
 namespace {
+
+int available_cpus() {
+    cpu_set_t cpus;
+    return sched_getaffinity(0, sizeof cpus, &cpus) == 0 ? CPU_COUNT(&cpus) : 0;
+}
 
 class Threads : public ::testing::TestWithParam<int> {
 protected:
@@ -119,7 +130,35 @@ TEST_P(Threads, SumToTheSameBits) {
     EXPECT_EQ(here, sum());
 }
 
+// Threads that spin take CPU time; on a busy machine, threads that yield switch often instead.
+TEST_P(Threads, SleepBetweenLoops) {
+    run_chunks(100, [](int, int) {});
+    rusage before{}, after{};
+    getrusage(RUSAGE_SELF, &before);
+    const std::clock_t begin = std::clock();
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    EXPECT_LT(std::clock() - begin, CLOCKS_PER_SEC / 50);
+    getrusage(RUSAGE_SELF, &after);
+    EXPECT_LT(after.ru_nivcsw - before.ru_nivcsw, 300) << "20 yields of seven threads at most";
+}
+
 INSTANTIATE_TEST_SUITE_P(Counts, Threads, ::testing::Values(1, 2, 3, 8));
+
+// In a new process each, because a process reads the variable once.
+TEST(ThreadCountDeathTest, HasALimit) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe");
+    const auto count_with = [](const char* variable) {
+        setenv("OMP_NUM_THREADS", variable, 1);
+        std::fprintf(stderr, "%d threads", thread_count());
+        std::_Exit(0);
+    };
+    EXPECT_EXIT(count_with("3"), testing::ExitedWithCode(0), "^3 threads");
+    EXPECT_EXIT(count_with("100000"), testing::ExitedWithCode(0), "^1024 threads");
+    EXPECT_EXIT(count_with("99999999999999999999"), testing::ExitedWithCode(0), "^1024 threads");
+    const std::string all = "^" + std::to_string(available_cpus()) + " threads";
+    EXPECT_EXIT(count_with("abc"), testing::ExitedWithCode(0), all);
+    EXPECT_EXIT(count_with("-5"), testing::ExitedWithCode(0), all);
+}
 
 }  // namespace
 }  // namespace tvsgs

@@ -19,6 +19,8 @@ namespace {
 /// How often a thread yields before it sleeps: loops often follow one another within microseconds.
 constexpr int kYields = 20;
 
+constexpr int kMostThreads = 1024;  // also the limit of --threads
+
 thread_local bool within_loop = false;
 
 /// One call of run_chunks().
@@ -59,7 +61,9 @@ public:
     }
 
     int count() const { return count_; }
-    void set_count(int count) { count_ = std::max(1, count); }
+    void set_count(long count) {
+        count_ = static_cast<int>(std::clamp(count, 1L, long{kMostThreads}));
+    }
 
     void run(Loop& loop) {
         loop.slots = std::min(count_, loop.chunks);
@@ -91,7 +95,7 @@ public:
 private:
     Pool() {
         const char* const asked = std::getenv("OMP_NUM_THREADS");
-        const int number = asked != nullptr ? std::atoi(asked) : 0;
+        const long number = asked != nullptr ? std::strtol(asked, nullptr, 10) : 0;
         cpu_set_t cpus;
         set_count(number > 0 ? number
                   : sched_getaffinity(0, sizeof cpus, &cpus) == 0
