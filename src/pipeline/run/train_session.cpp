@@ -1,5 +1,7 @@
 #include "pipeline/run/train_session.h"
 
+#include <future>
+
 #include "core/grouped.h"
 #include "core/log.h"
 #include "io/splats/ply.h"
@@ -55,7 +57,7 @@ private:
     void warn_of_few(int splats) const;
     void log_end(double seconds);
     void save_refined_cameras() const;
-    void write_results(const Gaussians<Device>& trained, double seconds);
+    JsonValue write_results(const Gaussians<Device>& trained, double seconds);
     void warn_of_limit() const;
     void log_scored_pixels() const;
     void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
@@ -141,15 +143,23 @@ void TrainSession<Device>::finish(const Gaussians<Device>& trained, double secon
     const bool discs = in_.options.output.ply_scales == OutputOptions::Scales::automatic &&
                        make_backbone<Cpu>(training_.backbone, training_.render)->traits.flat;
     live_.finish();
-    run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
+    // The splats and the last checkpoint are written while the test views are scored.
+    std::future<void> saving = std::async(std::launch::async, [&] {
+        run_.save_splats(splats, done_, in_.scene.origin,
+                         discs ? PlyScales::two : PlyScales::three);
+    });
     if (refined_) save_refined_cameras();
     if (!exposures_.empty()) write_exposures(run_.path(), in_.scene, exposures_);
+    if (SignalGuard::received() != 0) saving.get();
     log_end(seconds);
     SignalGuard::check();
 
+    const JsonValue summary = write_results(trained, seconds);
+    if (saving.valid()) saving.get();
     run_.remove_splats_of_stops(done_);
-    write_results(trained, seconds);
+    run_.log(summary);
     in_.write_report();
+    checkpoints_.finish();
     spdlog::debug("{} splats after {} iterations in {:.1f} s, peak {} MiB", grouped(splats.size()),
                   done_, seconds, memory_use(Device{}).peak_bytes >> 20);
     if (!checkpoints_.failure().empty())
@@ -311,7 +321,6 @@ void TrainSession<Device>::warn_of_few(int splats) const {
 
 template <class Device>
 void TrainSession<Device>::log_end(double seconds) {
-    const auto last = checkpoints_.finish();
     const Convergence& convergence = scores_.convergence();
     if (convergence.over())
         spdlog::info("Converged: the best PSNR, {:.2f} dB, was at {:.1f} s; stopped at {:.1f} s",
@@ -323,6 +332,7 @@ void TrainSession<Device>::log_end(double seconds) {
             SurfaceWatch<Device>::kEvery, surface_->motion().median_px, surface_->motion().p90_px,
             grouped(done_), seconds);
     else if (done_ < training_.iterations) {
+        const auto last = checkpoints_.finish();
         spdlog::warn("Stopped after {} of {} iterations; the splats are in {}", grouped(done_),
                      grouped(training_.iterations), run_.path());
         run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
@@ -340,7 +350,7 @@ void TrainSession<Device>::save_refined_cameras() const {
 }
 
 template <class Device>
-void TrainSession<Device>::write_results(const Gaussians<Device>& trained, double seconds) {
+JsonValue TrainSession<Device>::write_results(const Gaussians<Device>& trained, double seconds) {
     JsonValue summary;
     summary.add("event", "done")
         .add("iteration", done_)
@@ -357,7 +367,7 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
         write_mesh_ply(run_.path() + "/mesh/mesh.ply", mesh, source.origin);
         add_mesh(summary, mesh, *in_.truth, run_.path());
     }
-    run_.log(summary);
+    return summary;
 }
 
 template <class Device>

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <future>
 #include <string>
 #include <vector>
 
@@ -62,8 +63,8 @@ inline std::string render_stem(const std::string& run, const std::string& view_n
     return run + "/test/" + std::filesystem::path(view_name).replace_extension().string();
 }
 
-/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view, and RUN/eval/nvs.json.
-/// Checks for signals between views.
+/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view, while the next view is
+/// rendered, and RUN/eval/nvs.json. Checks for signals between views.
 template <class Device>
 ViewScores evaluate_views(const Gaussians<Device>& gaussians,
                           const std::vector<View>& views,
@@ -71,19 +72,23 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
                           const std::string& run,
                           const ViewScoring& scoring = {}) {
     SignalGuard::check();
+    std::future<void> writing;  // the pictures of a view
     const auto write_pictures = [&](const View& view, const ImageU8& render, const auto& images) {
-        const std::string stem = render_stem(run, view.name);
+        if (writing.valid()) writing.get();
         const int w = images.width, h = images.height;
-        const auto normals = to_host(images.normal);
-        const auto depths = to_host(images.depth);
-        run_chunks(3, [&](int picture, int /*slot*/) {
-            if (picture == 0) write_png(stem + ".png", render);
-            if (picture == 1) write_png(stem + "_normal.png", normal_image(w, h, normals));
-            if (picture == 2) write_png(stem + "_depth.png", depth_image(w, h, depths));
-        });
+        writing = std::async(
+            std::launch::async, [w, h, stem = render_stem(run, view.name), render,
+                                 normals = to_host(images.normal), depths = to_host(images.depth)] {
+                run_chunks(3, [&](int picture, int /*slot*/) {
+                    if (picture == 0) write_png(stem + ".png", render);
+                    if (picture == 1) write_png(stem + "_normal.png", normal_image(w, h, normals));
+                    if (picture == 2) write_png(stem + "_depth.png", depth_image(w, h, depths));
+                });
+            });
         SignalGuard::check();
     };
     ViewScores scores = score_views(gaussians, views, options, write_pictures, scoring);
+    if (writing.valid()) writing.get();
     JsonValue json = view_scores_json(scores, views.size(), scoring);
     json.add("per_view", scores.per_view);
     write_text_file(run + "/eval/nvs.json", json_text(json) + "\n");
