@@ -32,23 +32,8 @@ JsonValue from_library(const Json& json) {
     return value;
 }
 
-/// Whether JSON needs no escape for a character of ASCII.
-bool is_plain(char c) {
-    return c >= ' ' && c < 127 && c != '"' && c != '\\';
-}
-
 void append_quoted(std::string& out, const std::string& text) {
-    out += '"';
-    for (auto at = text.begin(); at != text.end();) {
-        const auto special = std::find_if_not(at, text.end(), is_plain);
-        out.append(at, special);
-        at = std::find_if(special, text.end(), is_plain);
-        if (special == at) break;
-        const std::string quoted =
-            Json(std::string(special, at)).dump(-1, ' ', false, Json::error_handler_t::replace);
-        out.append(quoted, 1, quoted.size() - 2);
-    }
-    out += '"';
+    out += Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 void append_number(std::string& out, double number) {
