@@ -102,6 +102,10 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--given-cameras", options.scene.given_cameras,
                  "use the given poses of a run that refined them")
         ->group(group);
+    bool everything = false;
+    app.add_flag("--everything", everything,
+                 "also mesh surface that photographs do not confirm: sky, blur, plain surface")
+        ->group(group);
     bool no_masks = false;
     app.add_flag("--no-masks", no_masks, "also fuse pixels outside of the masks")->group(group);
     group = "File";
@@ -135,6 +139,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     table.set_all(settings);
     if (run.empty()) choose_backbone(arguments.model, options.train.render, table);
     if (no_masks) options.mesh.masks = false;
+    if (everything) options.mesh.measured = 0;
     arguments.bounded = !run.empty() && is_bounded_here(options, table, run);
     if (arguments.bounded) options.mesh.unbounded = false;
     if (options.scene.path.empty())
@@ -194,6 +199,8 @@ int command(int argc, char** argv) {
         how.upright_from_scene = kUprightFromProjection;
     write_mesh(arguments.out, mesh, texture, how);
     spdlog::info("{}", summary_text(summary, mesh, texture));
+    if (const std::string left_out = left_out_text(summary); !left_out.empty())
+        spdlog::info("{}", left_out);
     spdlog::info("Wrote {}", arguments.out);
     // A picture that may not be ours belongs to the user.
     const std::string picture = fs::path(arguments.out).replace_extension(".png").string();

@@ -8,6 +8,7 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
+#include "mesh/mend/measured.h"
 #include "mesh/mend/mesh_holes.h"
 #include "mesh/mend/mesh_manifold.h"
 #include "mesh/mend/mesh_smooth.h"
@@ -80,6 +81,22 @@ void add_part(std::string& list, std::size_t count, const char* what) {
 }
 
 }  // namespace
+
+std::string keep_measured(TriangleMesh& mesh,
+                          const std::vector<View>& views,
+                          const MeshOptions& options,
+                          const EvidenceSource& evidence,
+                          MeshSummary& summary) {
+    if (!options.evidence || options.measured == 0 || mesh.faces.empty()) return {};
+    const MeasuredReport report = keep_measured_faces(mesh, evidence, views, options.measured);
+    summary.unmeasured = report.removed_area;
+    spdlog::debug("Removed {} faces that the photographs do not confirm, {:.1f} % of the surface",
+                  grouped(report.removed_faces), 100 * report.removed_area);
+    return mesh.faces.empty() ? "the photographs do not confirm any surface; use more views or "
+                                "more texture, or keep everything with --everything "
+                                "(mesh.measured=0)"
+                              : "";
+}
 
 std::string clean_mesh(TriangleMesh& mesh,
                        const MeshOptions& options,

@@ -24,7 +24,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
-          max_scale_px = 0, unsupported = 1, holes = 20, smooth = 0.5f;
+          max_scale_px = 0, unsupported = 1, measured = 0.5f, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
@@ -61,6 +61,9 @@ struct MeshOptions {
         field("evidence", evidence,
               "keep the components that views confirm, whatever their size, and remove unseen "
               "boundaries; counts the views of each vertex");
+        field("measured", measured, {0, 1},
+              "least share of measured surface around a face, with mesh.evidence: photographs of "
+              "half of the views that see it, and of two, look alike there; 0: keep everything");
         field("clusters", clusters, {0, 1e9},
               "number of largest components to keep, of at least 50 faces; 0: all");
         field("holes", holes, {0, 1000},
@@ -88,6 +91,7 @@ struct MeshSummary {
     std::size_t removed_components = 0;  // all that were removed
     std::size_t small_components = 0;    // removed because they are too small in every view
     std::size_t closed_holes = 0;
+    double unmeasured = 0;  // share of the area that was removed because it is not measured
     std::string why_empty;  // how to get faces if there are none
 };
 
@@ -105,6 +109,14 @@ std::string clean_mesh(TriangleMesh& mesh,
                        const MeshOptions& options,
                        const EvidenceSource& evidence,
                        MeshSummary& summary);
+
+/// Removes surface that the photographs do not confirm, and fills `summary`. Returns why nothing is
+/// left, as clean_mesh().
+std::string keep_measured(TriangleMesh& mesh,
+                          const std::vector<View>& views,
+                          const MeshOptions& options,
+                          const EvidenceSource& evidence,
+                          MeshSummary& summary);
 
 /// Closes the small holes of a mesh and smooths its surface. Returns the number of closed holes.
 std::size_t mend_mesh(TriangleMesh& mesh,
@@ -184,7 +196,10 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
         mesher->extract({views, gaussians, *backbone, depth, region, train.render.near,
                          detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder});
     const EvidenceSource evidence = evidence_of(depth);
-    std::string emptied = detail::clean_mesh(found.mesh, options, evidence, counts);
+    std::string emptied;
+    if (!mesher->is_closed())
+        emptied = detail::keep_measured(found.mesh, views, options, evidence, counts);
+    if (emptied.empty()) emptied = detail::clean_mesh(found.mesh, options, evidence, counts);
     const std::vector<Camera> cameras = detail::cameras_of(views);
     MeshOptions mending = options;
     if (!mesher->is_rough()) mending.smooth = 0;

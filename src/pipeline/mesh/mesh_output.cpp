@@ -99,6 +99,14 @@ std::string summary_text(const MeshSummary& summary,
     return text;
 }
 
+std::string left_out_text(const MeshSummary& summary) {
+    if (!(summary.unmeasured >= 0.005)) return {};
+    return fmt::format(
+        "Left out: {:.0f} % of the surface, which the photographs do not confirm; --everything "
+        "keeps it",
+        100 * summary.unmeasured);
+}
+
 MeshFileOptions file_options(const MeshOutputOptions& options,
                              const std::vector<View>& views,
                              Vec3d origin) {

@@ -48,6 +48,9 @@ std::string summary_text(const MeshSummary& summary,
                          const TriangleMesh& mesh,
                          const MeshTexture& texture);
 
+/// "Left out: 24 % of the surface, ..."; empty below half a percent.
+std::string left_out_text(const MeshSummary& summary);
+
 /// Options of write_mesh(). `origin`: the scene's.
 MeshFileOptions file_options(const MeshOutputOptions& options,
                              const std::vector<View>& views,
