@@ -285,25 +285,6 @@ TEST_F(Ply, FlatSplatsAndFilters) {
     EXPECT_NEAR(1 / (1 + std::exp(-g.opacity_logits[0])), 1.0 / 16, 1e-6);
 }
 
-TEST_F(Ply, UncertaintiesComeBack) {
-    Gaussians<Cpu> g = random_splats(5, 1);
-    const std::string plain = (folder / "plain.ply").string(),
-                      path = (folder / "uncertain.ply").string();
-    write_splat_ply(plain, g);
-    EXPECT_TRUE(read_splat_ply(plain).uncertainty.empty());
-    const std::vector<float> values{0.5f, 0, 1e-3f, 0, 7};
-    copy(values, g.uncertainty);
-    write_splat_ply(path, g);
-    EXPECT_EQ(to_host(read_splat_ply(path).uncertainty), values);
-    const Gaussians<Cpu> hostile = read_splat_ply(write(
-        "b.ply", splat_text("property double uncertainty\n", {"nan 0 0 0 0 1 3 2 1 0 0 0 0 0 0",
-                                                              "-1 0 0 0 0 1 3 2 1 0 0 0 0 0 0"})));
-    EXPECT_EQ(to_host(hostile.uncertainty), (std::vector<float>{0, 0}));
-    g.uncertainty.resize(4);
-    expect_error(ExitCode::internal, "4 uncertainties for 5",
-                 [&] { write_splat_ply(plain + "2", g); });
-}
-
 TEST_F(Ply, AFilterComesBackInScalesAndOpacities) {
     Gaussians<Cpu> g = random_splats(20, 3);
     copy(std::vector<float>(20, 0.05f), g.filter);

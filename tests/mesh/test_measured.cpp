@@ -75,7 +75,7 @@ TEST(Measured, KeepsAllThatOneSideShows) {
     TriangleMesh mesh = scene;
     const MeasuredReport report = photos.keep(mesh);
     // A view hides a strip of the wall behind the sheet; surface around it is measured.
-    EXPECT_LT(report.renoise_area, 0.01);
+    EXPECT_LT(report.removed_area, 0.01);
     EXPECT_GT(area(mesh), 0.99 * area(scene));
 }
 
@@ -84,8 +84,8 @@ TEST(Measured, RemovesWhatViewsShowDifferently) {
     TriangleMesh mesh = wall();
     const MeasuredReport report = photos.keep(mesh);
     EXPECT_TRUE(mesh.faces.empty());
-    EXPECT_EQ(report.renoise_faces, wall().faces.size());
-    EXPECT_NEAR(report.renoise_area, 1, 1e-6);
+    EXPECT_EQ(report.removed_faces, wall().faces.size());
+    EXPECT_NEAR(report.removed_area, 1, 1e-6);
 }
 
 TEST(Measured, AGradientOfTheSkyIsNoTexture) {
@@ -169,10 +169,10 @@ TEST(Measured, NothingToCompare) {
     Photographed photos(views_of(wall()), noise);
     photos.views[0].photo = {}, photos.views[2].photo = {};
     TriangleMesh mesh = wall();
-    EXPECT_EQ(photos.keep(mesh).renoise_faces, 0u);
+    EXPECT_EQ(photos.keep(mesh).removed_faces, 0u);
     EXPECT_EQ(mesh.faces.size(), wall().faces.size());
     TriangleMesh none;
-    EXPECT_EQ(photos.keep(none).renoise_faces, 0u);
+    EXPECT_EQ(photos.keep(none).removed_faces, 0u);
 }
 
 TEST(Measured, TheSameForAnyNumberOfThreads) {

@@ -39,18 +39,18 @@ PlyScales read_ply_scales(const std::string& path);
 
 /// Reads 3DGS splats: properties by name in any order, SH degree from the number of f_rest_*. Drops
 /// splats that are not finite with a warning. Applies a smoothing filter (filter_3D) to scales and
-/// opacities, so that every rasteriser renders the same; Gaussians::filter is empty. Reads the
-/// property `uncertainty`, if there is one. `scales` returns the number of scales in the file.
+/// opacities, so that every rasteriser renders the same; Gaussians::filter is empty. `scales`
+/// returns the number of scales in the file.
 Gaussians<Cpu> read_splat_ply(const std::string& path,
                               Vec3d origin = {},
                               PlyScales* scales = nullptr);
 
 /// All writers write atomic files. write_splat_ply() throws Error(ExitCode::numerical) with the
 /// first value that is not finite. Positions are floats, or doubles if there is an origin to add. A
-/// filter is written unchanged beside the unfiltered scales and opacities, uncertainties as
-/// `uncertainty`. `signature`: adds a fourth line that identifies tvsgs, so that a later run may
-/// replace the file without a manifest; otherwise the header is exactly that of 3DGS. `projection`,
-/// if not empty, becomes a comment.
+/// filter is written unchanged beside the unfiltered scales and opacities.
+/// `signature`: adds a fourth line that identifies tvsgs, so that a later run may replace the file
+/// without a manifest; otherwise the header is exactly that of 3DGS.
+/// `projection`, if not empty, becomes a comment.
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& gaussians,
                      Vec3d origin = {},

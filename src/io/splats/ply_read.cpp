@@ -133,7 +133,7 @@ struct SplatColumns {
     std::array<int, 3> mean, scale, dc;
     std::array<int, 4> rot;
     std::vector<int> rest;  // [3 (K - 1)], channel major, as in the file
-    int opacity, filter, uncertainty, file_coefficients;
+    int opacity, filter, file_coefficients;
     int sh_degree = 0;
 };
 
@@ -150,7 +150,6 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
     c.rot = {vertex.find("rot_0"), vertex.find("rot_1"), vertex.find("rot_2"),
              vertex.find("rot_3")};
     c.opacity = vertex.find("opacity"), c.filter = vertex.find("filter_3D");
-    c.uncertainty = vertex.find("uncertainty");
     for (int i = 0; vertex.find(str("f_rest_", i)) >= 0; ++i)
         c.rest.push_back(vertex.find(str("f_rest_", i)));
     const auto named = std::count_if(vertex.properties.begin(), vertex.properties.end(),
@@ -244,7 +243,6 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
     const auto per_splat = static_cast<std::size_t>(sh_count(columns.sh_degree));
     Gaussians<Cpu> out;
     resize(out, static_cast<int>(rows), columns.sh_degree);
-    if (columns.uncertainty >= 0) out.uncertainty.resize(rows);
     std::vector<char> usable(rows), activated(rows);
     in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
         const auto value = [&](int column) {
@@ -291,10 +289,6 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         usable[i] = finite && !(quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0);
         out.means[i] = mean, out.log_scales[i] = log_scale, out.quats[i] = quat;
         out.opacity_logits[i] = opacity;
-        if (columns.uncertainty >= 0) {
-            const float uncertainty = value(columns.uncertainty);
-            out.uncertainty[i] = uncertainty > 0 ? uncertainty : 0;  // NaN becomes 0
-        }
     });
     if (&vertex == &in.elements().back()) in.finish();
     const std::vector<int> numbers =

@@ -113,9 +113,7 @@ void write_splat_ply(const std::string& path,
     for (int i = 0; i < scale_count; ++i) names.push_back(str("scale_", i));
     for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
     if (!g.filter.empty()) names.push_back("filter_3D");
-    if (!g.uncertainty.empty()) names.push_back("uncertainty");
     check_size(path, g.filter.size(), count, "filters");
-    check_size(path, g.uncertainty.size(), count, "uncertainties");
     std::string text =
         header(count, origin, signature ? Comment::after_count : Comment::none, projection);
     for (const std::string& name : names) text += "property float " + name + "\n";
@@ -141,7 +139,6 @@ void write_splat_ply(const std::string& path,
         const Quatf q = g.quats[i];
         for (const float value : {q.w, q.x, q.y, q.z}) *to++ = value;
         if (!g.filter.empty()) *to++ = g.filter[i];
-        if (!g.uncertainty.empty()) *to++ = g.uncertainty[i];
         for (std::size_t p = 0; p < row.size(); ++p) {
             if (!std::isfinite(row[p]))
                 throw Error(ExitCode::numerical,

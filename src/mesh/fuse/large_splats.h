@@ -38,18 +38,15 @@ std::size_t fade_large(const std::vector<Camera>& cameras,
                        float max_px,
                        Gaussians<Cuda>& gaussians);
 
-/// Reduces the optical depth of splats that stereo does not support to a `share` (0 to 1) of it.
-/// Returns their number; 0 if no splat has an uncertainty.
+/// Makes the splats that stereo does not support invisible. Returns their number; 0 if no splat has
+/// an uncertainty.
 template <class Device>
-std::size_t fade_unsupported(double share, Gaussians<Device>& g) {
+std::size_t fade_unsupported(Gaussians<Device>& g) {
     const std::vector<float> uncertainty = to_host(g.uncertainty);
     std::vector<float> logits = to_host(g.opacity_logits);
     std::size_t faded = 0;
-    for (std::size_t i = 0; i < uncertainty.size(); ++i) {
-        if (uncertainty[i] > 0) continue;
-        ++faded;
-        logits[i] = share > 0 ? static_cast<float>(faded_logit(double{logits[i]}, share)) : kFaded;
-    }
+    for (std::size_t i = 0; i < uncertainty.size(); ++i)
+        if (!(uncertainty[i] > 0)) logits[i] = kFaded, ++faded;
     if (faded > 0) copy(logits, g.opacity_logits);
     return faded;
 }

@@ -24,7 +24,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
-          max_scale_px = 0, unsupported = 1, measured = 0.5f, holes = 20, smooth = 0.5f;
+          max_scale_px = 0, measured = 0.5f, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
@@ -54,9 +54,6 @@ struct MeshOptions {
         field("max_scale_px", max_scale_px, {0, 1e6},
               "skip splats with a larger standard deviation, in pixels of the camera with the "
               "finest ones there; 0: none");
-        field("unsupported", unsupported, {0, 1},
-              "share of the optical depth that splats without support by stereo keep, if the "
-              "splats were trained with init.support; 1: all of it");
         field("masks", masks, "drop pixels outside of the masks");
         field("evidence", evidence,
               "keep the components that views confirm, whatever their size, and remove unseen "
@@ -163,25 +160,13 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
     Gaussians<Device> meshed;
     std::string none_left;
-    const bool fades = options.unsupported < 1 && !all.uncertainty.empty();
-    if (options.unsupported < 1 && !fades)
-        spdlog::warn(
-            "mesh.unsupported has no effect: the splats were not trained with init.support");
-    if (options.max_scale_px > 0 || fades) copy(all, meshed);
-    if (fades) {
-        const std::size_t faded = fade_unsupported(double{options.unsupported}, meshed);
-        spdlog::debug("Faded {} of {} splats without support by stereo (mesh.unsupported)", faded,
-                      all.size());
-        if (faded == all.means.size())
-            none_left =
-                str("stereo supports none of ", faded, " splats; set mesh.unsupported to 1");
-    }
     if (options.max_scale_px > 0) {
+        copy(all, meshed);
         const std::size_t faded =
             fade_large(detail::cameras_of(views), options.max_scale_px, meshed);
         spdlog::debug("Skipped {} of {} splats larger than {} pixels (mesh.max_scale_px)", faded,
                       all.size(), options.max_scale_px);
-        if (faded == all.means.size() && none_left.empty())
+        if (faded == all.means.size())
             none_left = str("all ", faded, " splats are larger than ", options.max_scale_px,
                             " pixels (mesh.max_scale_px); raise it, or set it to 0");
     }

@@ -47,7 +47,7 @@ public:
     void look(const Gaussians<Device>& splats) {
         if (!splats.uncertainty.empty()) {
             copy(splats, supported_);
-            fade_unsupported(0, supported_);
+            fade_unsupported(supported_);
         }
         const Gaussians<Device>& seen = splats.uncertainty.empty() ? splats : supported_;
         std::vector<std::vector<float>> depths;
