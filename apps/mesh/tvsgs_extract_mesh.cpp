@@ -102,10 +102,6 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--given-cameras", options.scene.given_cameras,
                  "use the given poses of a run that refined them")
         ->group(group);
-    bool everything = false;
-    app.add_flag("--everything", everything,
-                 "also mesh surface that photographs do not confirm: sky, blur, plain surface")
-        ->group(group);
     bool no_masks = false;
     app.add_flag("--no-masks", no_masks, "also fuse pixels outside of the masks")->group(group);
     group = "File";
@@ -139,7 +135,6 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     table.set_all(settings);
     if (run.empty()) choose_backbone(arguments.model, options.train.render, table);
     if (no_masks) options.mesh.masks = false;
-    if (everything) options.mesh.measured = 0;
     arguments.bounded = !run.empty() && is_bounded_here(options, table, run);
     if (arguments.bounded) options.mesh.unbounded = false;
     if (options.scene.path.empty())

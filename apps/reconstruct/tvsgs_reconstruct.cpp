@@ -30,7 +30,7 @@ using Words = std::vector<std::string>;  // a command line
 
 struct Arguments {
     std::string photos, out, quality = "normal", device = "auto";
-    bool everything = false, overwrite = false, quiet = false;
+    bool overwrite = false, quiet = false;
     Words of_machine;  // flags for all programs that change no result
 };
 
@@ -53,8 +53,6 @@ Arguments parse(int argc, char** argv) {
                    "at least 15,000. If the narrowest photograph is smaller, its width decides")
         ->check(CLI::IsMember({"draft", "normal", "best"}));
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    app.add_flag("--everything", a.everything,
-                 "also mesh surface that photographs do not confirm: sky, blur, plain surface");
     app.add_flag("--overwrite", a.overwrite,
                  "start anew: remove the files that an earlier call wrote to OUT");
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
@@ -176,9 +174,7 @@ Reconstruction::Reconstruction(const Arguments& a)
 /// The command of a stage, without the flags of the machine.
 Words Reconstruction::words(const StageKind& kind) const {
     if (&kind == &kPrepare) return {kind.program, input_, scene_};
-    if (&kind == &kMesh)
-        return a_.everything ? Words{kind.program, run_, "--everything"}
-                             : Words{kind.program, run_};
+    if (&kind == &kMesh) return {kind.program, run_};
     if (&kind == &kView) return {kind.program, run_, "--out", page_};
     const std::string scene = stages_.front() == &kPrepare ? scene_ : input_;
     Words words{kind.program, "--scene", scene, "--out", run_};

@@ -93,8 +93,7 @@ std::string keep_measured(TriangleMesh& mesh,
     spdlog::debug("Removed {} faces that the photographs do not confirm, {:.1f} % of the surface",
                   grouped(report.removed_faces), 100 * report.removed_area);
     return mesh.faces.empty() ? "the photographs do not confirm any surface; use more views or "
-                                "more texture, or keep everything with --everything "
-                                "(mesh.measured=0)"
+                                "more texture, or keep everything (mesh.measured=0)"
                               : "";
 }
 

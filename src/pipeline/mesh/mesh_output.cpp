@@ -102,8 +102,8 @@ std::string summary_text(const MeshSummary& summary,
 std::string left_out_text(const MeshSummary& summary) {
     if (!(summary.unmeasured >= 0.005)) return {};
     return fmt::format(
-        "Left out: {:.0f} % of the surface, which the photographs do not confirm; --everything "
-        "keeps it",
+        "Left out: {:.0f} % of the surface, which the photographs do not confirm; "
+        "mesh.measured=0 keeps it",
         100 * summary.unmeasured);
 }
 
