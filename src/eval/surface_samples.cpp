@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "core/device/parallel.h"
 #include "core/math/rng.h"
@@ -151,18 +152,45 @@ Line line_through(const Grid& grid, const Cell& cell, std::uint64_t seed, std::u
     return {point, direction};
 }
 
+/// The number of draws of each size, in points.
+using DrawSizes = std::map<std::size_t, std::size_t>;
+
+/// Draws of m of n points each add (k - share * m)^2 / n^2 to the variance of a share, if k of the
+/// m count. For a share up to 1/2 the sum is largest if all points of the largest draws count; a
+/// share above 1/2 has the error of the rest.
+double worst_standard_error(const DrawSizes& sizes) {
+    double points = 0, squares = 0;
+    for (const auto& [size, draws] : sizes) {
+        const double m = static_cast<double>(size), n = static_cast<double>(draws) * m;
+        points += n, squares += n * m;
+    }
+    double share = 0, counted = 0, worst = 0;  // `counted`: squares of the draws that count
+    for (auto next = sizes.rbegin(); next != sizes.rend() && share < 0.5; ++next) {
+        const double m = static_cast<double>(next->first), per_share = m * points,
+                     end = std::min(0.5, share + static_cast<double>(next->second) * m / points);
+        const auto variance = [&](double at) {
+            return (counted + per_share * (at - share)) * (1 - 2 * at) + at * at * squares;
+        };
+        worst = std::max(worst, variance(end));
+        // Where the derivative vanishes.
+        const double peak =
+            (per_share * (1 + 2 * share) - 2 * counted) / (4 * per_share - 2 * squares);
+        if (peak > share && peak < end) worst = std::max(worst, variance(peak));
+        counted += per_share * (end - share), share = end;
+    }
+    return points > 0 ? std::sqrt(worst) / points : 0;
+}
+
 }  // namespace
 
 double worst_standard_error(const SamplePoints& sample) {
-    double squares = 0;
+    DrawSizes sizes;
     for (std::size_t d = 0; d < sample.draws.size(); ++d) {
         const std::size_t end =
             d + 1 < sample.draws.size() ? sample.draws[d + 1] : sample.points.size();
-        const double count = static_cast<double>(end - sample.draws[d]);
-        squares += count * count;
+        ++sizes[end - sample.draws[d]];
     }
-    return sample.draws.empty() ? 0
-                                : std::sqrt(squares) / static_cast<double>(sample.points.size());
+    return worst_standard_error(sizes);
 }
 
 SamplePoints sample_by_lines(const TriangleTree& tree,
@@ -181,7 +209,7 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
     const std::int64_t per_cell = (kRound + cells - 1) / cells;
     constexpr std::int64_t kChunk = 256;  // lines per thread
     std::int64_t lines = 0;
-    double squares = 0;
+    DrawSizes sizes;
     for (std::int64_t round = 0; lines < kMaxLines; ++round) {
         const std::int64_t count = cells * per_cell;
         std::vector<std::vector<Vec3d>> cuts(
@@ -210,13 +238,12 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
                                                                       ? begins[chunk][d + 1]
                                                                       : cuts[chunk].size();
                 sample.draws.push_back(static_cast<std::uint32_t>(before + begin));
-                squares += static_cast<double>((end - begin) * (end - begin));
+                ++sizes[end - begin];
             }
             sample.points.insert(sample.points.end(), cuts[chunk].begin(), cuts[chunk].end());
         }
-        const double points = static_cast<double>(sample.points.size());
-        if (points == 0 && lines >= kMaxMisses) break;
-        if (points > 0 && std::sqrt(squares) <= points * standard_error) break;
+        if (sizes.empty() && lines >= kMaxMisses) break;
+        if (!sizes.empty() && worst_standard_error(sizes) <= standard_error) break;
     }
     // A line that meets a convex body of area A intersects a surface of area S inside it 2 S / A
     // times on average.

@@ -18,8 +18,8 @@ struct SamplePoints {
     double area = 0;  // estimated area of the sampled surface; 0: not sampled
 };
 
-/// Upper bound on the standard error of any share of the points, for any number of points per draw:
-/// a draw of m of n points changes a share by at most m / n. 0 for points that are not a sample.
+/// The largest standard error that a share of the points can have, for the numbers of points per
+/// draw: at most 1 / (2 sqrt(n)) for n draws of one point. 0 for points that are not a sample.
 double worst_standard_error(const SamplePoints& sample);
 
 /// Samples the surface inside the crop uniformly by area: intersects it with lines that are uniform
