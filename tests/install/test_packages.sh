@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
 # Checks the packages: size, dependencies, and that the tarball runs by itself. Skips without Debian's tools.
-# Usage: test_packages.sh BUILD_DIR LARGEST_MB
+# Usage: test_packages.sh BUILD_DIR LARGEST_MB COMPRESSION
 set -euo pipefail
-build=$1 largest=$2
+build=$1 largest=$2 compression=$3
 for tool in dpkg-deb dpkg-shlibdeps cpack; do
     command -v "$tool" >/dev/null || { echo "test_packages: skipped, there is no $tool" >&2; exit 77; }
 done
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 fail() { echo "test_packages: $*" >&2; exit 1; }
-(cd "$build" && cpack -G "DEB;TGZ" -B "$work/packages") >"$work/log" 2>&1 || fail "$(tail -20 "$work/log")"
+(cd "$build" && cpack -G "DEB;TGZ" -D CPACK_DEBIAN_COMPRESSION_TYPE="$compression" -B "$work/packages") >"$work/log" 2>&1 || fail "$(tail -20 "$work/log")"
 cd "$work/packages"
 
 main=$(ls tvsgs_*.deb tvsgs-cuda_*.deb 2>/dev/null) || true
