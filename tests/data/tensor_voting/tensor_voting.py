@@ -136,10 +136,10 @@ def vote_round(means, M, Minv, index, tau, per_median, receivers, weight, normal
         v = v @ Minv[i].T
         if rules["vote_map"] == "unit":
             v /= np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
-        np.add.at(T, index[i], (weight[i] * V)[..., None, None] * v[..., :, None] * v[..., None, :])
-        np.add.at(square, index[i], (weight[i] * V[:, 0]) ** 2)
-        np.add.at(count, index[i], ok[:, 0])
-        np.add.at(strong, index[i], V[:, 0] > STRONG_VOTE)
+        T[index[i]] += (weight[i] * V)[..., None, None] * v[..., :, None] * v[..., None, :]   # each receiver once
+        square[index[i]] += (weight[i] * V[:, 0]) ** 2
+        count[index[i]] += ok[:, 0]
+        strong[index[i]] += V[:, 0] > STRONG_VOTE
     return T, np.sqrt(square / np.maximum(count, 1)), strong
 
 
