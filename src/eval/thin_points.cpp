@@ -108,9 +108,13 @@ private:
         }
         return false;
     }
+    /// Faster than ==, which calls memcmp.
+    static bool equal(const Cell& a, const Cell& b) {
+        return ((a[0] ^ b[0]) | (a[1] ^ b[1]) | (a[2] ^ b[2])) == 0;
+    }
     std::uint32_t find(const Cell& at) const {
         for (std::size_t i = hash(at) & (table_.size() - 1);; i = (i + 1) & (table_.size() - 1))
-            if (table_[i] == kNone || blocks_[table_[i]].at == at) return table_[i];
+            if (table_[i] == kNone || equal(blocks_[table_[i]].at, at)) return table_[i];
     }
     void insert(std::uint32_t block) {
         std::size_t i = hash(blocks_[block].at) & (table_.size() - 1);
