@@ -108,7 +108,8 @@ TEST_F(BadEnds, OverwritingRemovesWhatTheRunWroteAndNothingElse) {
 }
 
 TEST_F(BadEnds, ScenesKeepWhatTheirUsersAdd) {
-    const std::string synth = "--out made --width 32 --height 24 --points 500 --quiet --views ";
+    const std::string synth =
+        "--shape torus --out made --width 32 --height 24 --points 500 --quiet --views ";
     ASSERT_EQ(call("synth", synth + "6").code, 0);
     for (const char* file : {"made/mine.txt", "made/images/holiday.jpg", "made/own/x"})
         write(file, "mine");
@@ -129,7 +130,9 @@ TEST_F(BadEnds, ScenesKeepWhatTheirUsersAdd) {
 }
 
 TEST_F(BadEnds, RunsAndScenesDoNotReplaceEachOther) {
-    ASSERT_EQ(call("synth", "--out other --views 4 --width 32 --height 24 --quiet").code, 0);
+    ASSERT_EQ(
+        call("synth", "--shape torus --out other --views 4 --width 32 --height 24 --quiet").code,
+        0);
     const auto scene = tree("other"), run = tree("run");
     for (const char* more : {"", "--overwrite", "--resume"}) {
         const Result r = train("other", more);
@@ -289,12 +292,16 @@ TEST_F(BadEnds, AFinishedRunHasNoSplatsOfWhereItWasStopped) {
                  "0.02; done; kill -INT $p; wait $p");
     ASSERT_EQ(stopped.code, 130) << stopped;
     EXPECT_EQ(splats(), 1);
-    EXPECT_NE(contents(folder_ / "stopped/log.jsonl").find("\"event\": \"stopped\""),
-              std::string::npos);
-    const Result r = call("train", "--resume stopped --iterations 1500 --device cpu");
+    const std::string log = contents(folder_ / "stopped/log.jsonl"),
+                      event = "\"event\": \"stopped\", \"iteration\": ";
+    const std::size_t at = log.find(event);
+    ASSERT_NE(at, std::string::npos) << log;
+    const std::string end = std::to_string(std::stoi(log.substr(at + event.size())) + 20);
+    const Result r = call("train", "--resume stopped --device cpu --iterations " + end);
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_EQ(splats(), 1);
-    EXPECT_TRUE(fs::exists(folder_ / "stopped/point_cloud/iteration_1500/point_cloud.ply"));
+    EXPECT_TRUE(
+        fs::exists(folder_ / "stopped/point_cloud" / ("iteration_" + end) / "point_cloud.ply"));
 }
 
 TEST_F(BadEnds, ARunThatStartsAgainKeepsItsPlan) {
