@@ -26,10 +26,13 @@ inline int shell(const std::string& line) {
 }
 
 /// A Python with numpy and scipy; empty if there is none.
-inline std::string find_python() {
-    for (const std::string python : {"python3", "/usr/bin/python3"})
-        if (shell(python + " -c 'import numpy, scipy' >/dev/null 2>&1") == 0) return python;
-    return "";
+inline const std::string& find_python() {
+    static const std::string found = [] {
+        for (const std::string python : {"python3", "/usr/bin/python3"})
+            if (shell(python + " -c 'import numpy, scipy' >/dev/null 2>&1") == 0) return python;
+        return std::string();
+    }();
+    return found;
 }
 
 class Bench : public testing::Test {
