@@ -193,7 +193,7 @@ TEST_F(BadEnds, ReportsFollowTheMeshAndTheScores) {
     ASSERT_EQ(call("extract-mesh", "--model grown --device cpu --mesh-resolution 48").code, 0);
     EXPECT_NE(report().find("\"mesh\": {\"faces\""), std::string::npos);
     const Result scored = call("eval",
-                               "geometry --pred grown/mesh/mesh.glb --gt scene/gt/mesh.ply --tau "
+                               "geometry --pred grown/mesh/mesh.glb --gt scene/gt/points.ply --tau "
                                "0.1 --out grown/eval/own.json");
     ASSERT_EQ(scored.code, 0) << scored;
     EXPECT_NE(report().find("\"own\""), std::string::npos);

@@ -1,4 +1,4 @@
-// Large new cases of the oracle: almost a minute in Python.
+// Large new cases of the oracle: about half a minute in Python.
 #include "apps/test_bench.h"
 
 namespace tvsgs {

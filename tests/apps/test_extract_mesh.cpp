@@ -179,7 +179,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
         EXPECT_EQ(mesh.says("\nTexture "), out != "same.ply") << mesh;
         const Result score =
             run_tool(folder_, "eval",
-                     "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply --pred " + out);
+                     "geometry --quiet --tau 0.01,0.1 --gt scene/gt/points.ply --pred " + out);
         ASSERT_EQ(score.code, 0) << score;
         const std::string all = score.out.substr(0, score.out.find("\"inputs\""));
         if (expected.empty()) expected = all;
