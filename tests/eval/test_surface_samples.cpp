@@ -110,6 +110,15 @@ TEST(SurfaceSamples, StandardErrorsAreWhatSeedsDo) {
     EXPECT_NEAR(spread, claimed, 0.3 * claimed);
 }
 
+TEST(SurfaceSamples, TheBoundOfEqualDrawsIsReachedByHalfOfThem) {
+    for (const std::uint32_t size : {1u, 3u}) {
+        SamplePoints sample;
+        for (std::uint32_t d = 0; d < 16; ++d) sample.draws.push_back(d * size);
+        sample.points.resize(16 * size);
+        EXPECT_DOUBLE_EQ(worst_standard_error(sample), 0.5 / std::sqrt(16.0));
+    }
+}
+
 TEST(SurfaceSamples, TheBoundHoldsForDenseFloaters) {
     // A line through the stack cuts all of it: few draws determine a small share.
     TriangleMesh mesh = square({0, 0, 0}, 1);
