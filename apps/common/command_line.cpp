@@ -275,7 +275,6 @@ void say_next(std::initializer_list<std::string> words, const std::string& what)
 }
 
 int run_command(const std::function<int()>& command) {
-    setenv("OMP_WAIT_POLICY", "passive", 0);  // for child programs, such as COLMAP
     guard_standard_streams();
     end_on_signals();
     try {

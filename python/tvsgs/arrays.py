@@ -18,7 +18,7 @@ _pointer = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
     ('PyCapsule_GetPointer', ctypes.pythonapi))
 
 
-def library_of(array):
+def package_of(array):
     """'numpy', 'torch', 'cupy', 'jax', or another."""
     root = type(array).__module__.partition('.')[0]
     return 'jax' if root == 'jaxlib' else root
@@ -26,19 +26,19 @@ def library_of(array):
 
 def stream_of(array):
     """The current CUDA stream of the array's library; 0: the default stream."""
-    library = library_of(array)
-    if library == 'torch' and array.is_cuda:
+    package = package_of(array)
+    if package == 'torch' and array.is_cuda:
         return sys.modules['torch'].cuda.current_stream(array.device).cuda_stream
-    return sys.modules['cupy'].cuda.get_current_stream().ptr if library == 'cupy' else 0
+    return sys.modules['cupy'].cuda.get_current_stream().ptr if package == 'cupy' else 0
 
 
 def empty_like(array, shape, dtype):
     """Where the array is; NumPy's for a library without arrays that can be written."""
-    library = library_of(array)
-    if library == 'torch':
+    package = package_of(array)
+    if package == 'torch':
         torch = sys.modules['torch']
         return torch.empty(shape, dtype=getattr(torch, dtype), device=array.device)
-    if library == 'cupy':
+    if package == 'cupy':
         return sys.modules['cupy'].empty(shape, dtype)
     import numpy
     return numpy.empty(shape, dtype)
@@ -48,7 +48,7 @@ def address_of(array):
     """Of an array of empty_like()."""
     if hasattr(array, 'data_ptr'):  # PyTorch
         return array.data_ptr()
-    return array.ctypes.data if library_of(array) == 'numpy' else array.data.ptr
+    return array.ctypes.data if package_of(array) == 'numpy' else array.data.ptr
 
 
 class View:
@@ -56,7 +56,7 @@ class View:
 
     def __init__(self, name, array, shape, dtype, gpu, stream):
         """shape: -1: any length. gpu: of the votes, -1: CPU."""
-        if library_of(array) == 'numpy':
+        if package_of(array) == 'numpy':
             self._read_numpy(array, dtype)
         elif hasattr(array, '__dlpack__'):
             self._read_dlpack(name, array, dtype, gpu, stream)
@@ -77,7 +77,7 @@ class View:
         self.contiguous = interface['strides'] is None
 
     def _read_dlpack(self, name, array, dtype, gpu, stream):
-        if library_of(array) == 'torch':
+        if package_of(array) == 'torch':
             array = array.detach()  # torch gives no capsule of a tensor with gradients
         kind, index = array.__dlpack_device__()
         if kind not in (ON_HOST if gpu < 0 else ON_HOST + ON_CUDA) or (kind in ON_CUDA and index != gpu):

@@ -71,7 +71,7 @@ class Votes:
         results.append(arrays.empty_like(means, (splats.count,), 'uint8'))
         pointers = library.ResultPointers(splats.count, *map(arrays.address_of, results))
         library.check(self._library.tvsgs_votes_read(self._handle, pointers, stream), self._handle)
-        if arrays.library_of(means) == 'jax':
+        if arrays.package_of(means) == 'jax':
             jax = sys.modules['jax']
             results = [jax.device_put(a, next(iter(means.devices()))) for a in results]
         return Results(*results)

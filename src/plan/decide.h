@@ -55,7 +55,7 @@ struct TrainingInputs {
     int configured = 0;        // iterations that their schedule was made for
     int wanted = -1;           // iterations that the user asks for; below 0: none
     bool normals = false;      // stereo has found normals, and the user asks for no other priors
-    bool supported = false;    // stereo made the start points
+    bool supported = false;    // stereo made the start points, and the user allows init.support
     bool parts_colors = true;  // as BackboneTraits, of the backbone as resolved so far
     LossOptions multi_view;    // the dense settings' losses, whose multi-view terms are taken
 };

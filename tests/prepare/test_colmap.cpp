@@ -45,14 +45,14 @@ TEST_F(Prepare, EveryGenerationOfColmapGetsItsOptions) {
     }
 }
 
-TEST_F(Prepare, ThreadsOfColmapSleepUnlessTheUserSaysOtherwise) {
+TEST_F(Prepare, ColmapKeepsToTheThreads) {
     photos(kNames);
     store(0, made_model(kNames));
-    write("also_mapper", "echo \"$OMP_NUM_THREADS $OMP_WAIT_POLICY\" >threads.txt\n");
-    ASSERT_EQ(run("photos passive --threads 3", "OMP_NUM_THREADS=2").code, 0);
-    EXPECT_EQ(text("threads.txt"), "3 passive\n");
-    ASSERT_EQ(run("photos active", "OMP_NUM_THREADS=2 OMP_WAIT_POLICY=active").code, 0);
-    EXPECT_EQ(text("threads.txt"), "2 active\n");
+    write("also_mapper", "echo \"$OMP_NUM_THREADS\" >threads.txt\n");
+    ASSERT_EQ(run("photos given --threads 3", "OMP_NUM_THREADS=2").code, 0);
+    EXPECT_EQ(text("threads.txt"), "3\n");
+    ASSERT_EQ(run("photos other", "OMP_NUM_THREADS=2").code, 0);
+    EXPECT_EQ(text("threads.txt"), "2\n");
 }
 
 TEST_F(Prepare, OptionsThatColmapLacksEndBeforeTheFirstStep) {

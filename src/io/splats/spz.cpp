@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "core/device/parallel.h"
-#include "core/device/parallel_errors.h"
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
@@ -80,40 +79,29 @@ struct Stream {
 };
 constexpr int kGzip = 16 + MAX_WBITS;
 
-/// Compresses the next part of a raw deflate stream.
-std::vector<std::uint8_t> deflated(std::span<const std::uint8_t> bytes, bool last) {
+std::vector<std::uint8_t> gzip(std::vector<std::uint8_t>& bytes) {
     Stream stream(deflateEnd);
     z_stream& z = stream.z;
     constexpr int kLevel = 3, kMemory = 8;  // level 6: 1 % smaller, twice the time
-    constexpr std::size_t kFlush = 16;      // bytes that end a part
-    if (deflateInit2(&z, kLevel, Z_DEFLATED, -MAX_WBITS, kMemory, Z_DEFAULT_STRATEGY) != Z_OK)
+    if (deflateInit2(&z, kLevel, Z_DEFLATED, kGzip, kMemory, Z_DEFAULT_STRATEGY) != Z_OK)
         throw std::bad_alloc();
-    std::vector<std::uint8_t> out(deflateBound(&z, static_cast<uLong>(bytes.size())) + kFlush);
-    z.next_in = const_cast<Bytef*>(bytes.data());  // read only
-    z.avail_in = static_cast<uInt>(bytes.size());
-    z.next_out = out.data(), z.avail_out = static_cast<uInt>(out.size());
-    deflate(&z, last ? Z_FINISH : Z_SYNC_FLUSH);
-    out.resize(z.total_out);
-    return out;
-}
-
-/// Threads compress parts of a fixed size: equal splats give equal bytes.
-std::vector<std::uint8_t> gzip(std::span<const std::uint8_t> bytes) {
-    constexpr std::size_t kPart = 1 << 20;
-    std::vector<std::vector<std::uint8_t>> parts((bytes.size() + kPart - 1) / kPart);
-    parallel_for_throwing(static_cast<int>(parts.size()), [&](int part) {
-        const std::size_t i = static_cast<std::size_t>(part), begin = i * kPart;
-        parts[i] = deflated(bytes.subspan(begin, std::min(kPart, bytes.size() - begin)),
-                            i + 1 == parts.size());
-    });
-    constexpr char kComment = 16, kUnknownSystem = '\xff';
-    std::string head{'\x1f', '\x8b', Z_DEFLATED, kComment, 0, 0, 0, 0, 0, kUnknownSystem};
-    head.append(kVersion).push_back('\0');  // the comment is the signature of tvsgs
-    std::vector<std::uint8_t> out(head.begin(), head.end());
-    for (const auto& part : parts) out.insert(out.end(), part.begin(), part.end());
-    for (const uLong number : {crc32_z(0, bytes.data(), bytes.size()), uLong(bytes.size())})
-        for (int shift = 0; shift < 32; shift += 8)
-            out.push_back(static_cast<std::uint8_t>(number >> shift));
+    std::string comment = kVersion;  // signature of tvsgs
+    gz_header header{};              // no time and no name: equal splats give equal bytes
+    header.os = 255;
+    header.comment = reinterpret_cast<Bytef*>(comment.data());
+    deflateSetHeader(&z, &header);
+    std::vector<std::uint8_t> out(1 << 16);
+    std::size_t taken = 0, written = 0;
+    for (int status = Z_OK; status != Z_STREAM_END;) {
+        if (written == out.size()) out.resize(2 * out.size());
+        const uInt in = Stream::part(bytes.size() - taken),
+                   room = Stream::part(out.size() - written);
+        z.next_in = bytes.data() + taken, z.avail_in = in;
+        z.next_out = out.data() + written, z.avail_out = room;
+        status = deflate(&z, taken + in == bytes.size() ? Z_FINISH : Z_NO_FLUSH);
+        taken += in - z.avail_in, written += room - z.avail_out;
+    }
+    out.resize(written);
     return out;
 }
 

@@ -232,7 +232,7 @@ TrainingInputs Preparation::training_inputs() const {
     in.configured = options_of(dense_ ? kDenseConfig : kSparseConfig).iterations;
     in.wanted = pinned("iterations") ? options_.train.iterations : -1;
     in.normals = !stereo_.maps.empty() && may_take_normals(config_);
-    in.supported = by_stereo();
+    in.supported = by_stereo() && (options_.train.init.support || !pinned("init.support"));
     in.parts_colors =
         make_backbone<Cpu>(options_.train.backbone, options_.train.render)->traits.parts_colors;
     in.multi_view = options_of(kDenseConfig).loss;
