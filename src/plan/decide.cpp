@@ -13,7 +13,8 @@ namespace {
 // Thresholds. docs/results/plan.md has the runs behind them; docs/guide/plan.md names those that
 // were not measured.
 constexpr int kDenseViews = 40;
-constexpr double kModelCovers = 0.4;       // points per pixel
+// Points per pixel: of a model that needs no stereo, and of a cloud by stereo.
+constexpr double kModelCovers = 0.4, kStereoPoints = 0.6;
 constexpr std::size_t kLeastPoints = 100;  // to start from
 constexpr double kLeastCovered = 0.01;     // share of the photographs
 // Masks: share of the initial points outside; share of the images' border outside, from which on
@@ -87,10 +88,10 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
                 points < least ? "start points by stereo" : ""};
     }
     const bool covers = look.points_per_pixel >= kModelCovers;
-    // As many points as cover the views, in proportion to the points that views see.
-    const double wanted = look.points_per_pixel > 0 ? kModelCovers / look.points_per_pixel *
-                                                          static_cast<double>(look.points)
-                                                    : kModelCovers * look.pixels;
+    // Size of a cloud of one point per pixel, in proportion to the points that views see.
+    const bool seen = look.points_per_pixel > 0;
+    const double one =
+        seen ? static_cast<double>(look.points) / look.points_per_pixel : look.pixels;
     std::string reason = str("the model has ", short_figure(look.points_per_pixel),
                              " per textured pixel, ", kModelCovers, " needed");
     // A trial at a small size must not promise the plan of the full size.
@@ -98,12 +99,18 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
         covers != (full >= kModelCovers))
         reason += str("; at the photographs' full size ", short_figure(full),
                       ": the plan may be another");
+    const auto whole = [](double points) { return number(std::ceil(std::min(points, 1e9))); };
+    Settings settings{{"init.min_points", covers ? "0" : whole(kModelCovers * one + 1)}};
+    if (!covers && seen) {
+        reason += str("; stereo makes up to ", kStereoPoints);
+        settings.emplace_back("init.max_points", whole(kStereoPoints * one));
+    }
     return {"start points",
             covers ? "the model's" : "stereo",
             reason,
             look.points_per_pixel,
             kModelCovers,
-            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}},
+            std::move(settings),
             covers ? "" : "start points by stereo"};
 }
 

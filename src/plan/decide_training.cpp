@@ -20,14 +20,15 @@ constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
               kOpaqueAfter = 250, kOpaqueShare = 20;
-// A start by stereo: iterations per view below kIterations; opacity; pixels between the points that
-// fill gaps; share of the iterations in which the photometric share rises to 1 at kFewViews; and
-// the factor of lr.supported just below kFewViews.
-constexpr int kSupportedPerView = 500, kGapPx = 2;
+// A start by stereo: iterations per view up to kSupported in all, and for many views; opacity;
+// pixels between the points that fill gaps; share of the iterations in which the photometric share
+// rises to 1 at kFewViews; and the factor of lr.supported just below kFewViews.
+constexpr int kSupportedPerView = 400, kSupported = 2500, kManyPerView = 125, kGapPx = 2;
 constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
-// Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
+// Largest meshed splat, pixels. Without a start by stereo: of kLeastViews; twice that for each view
+// more, no limit from kFewViews on.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 constexpr double kLargestScalePx = 1e5;  // none is larger
 // Depth jumps within a surface that a single view sees: without a covering cloud (the default of
@@ -144,10 +145,11 @@ private:
     }
 
     void schedule() {
-        const int least = in_.supported
-                              ? std::min(kSupportedPerView * look_.train_views, kIterations)
-                              : kIterations,
-                  enough = std::max(least, kIterationsPerView * look_.train_views);
+        const int views = look_.train_views,
+                  per_view = in_.supported ? kManyPerView : kIterationsPerView,
+                  least =
+                      in_.supported ? std::min(kSupportedPerView * views, kSupported) : kIterations,
+                  enough = std::max(least, per_view * views);
         iterations_ = in_.wanted >= 0
                           ? in_.wanted
                           : between(in_.configured, std::min(enough, in_.configured), covered_);
@@ -165,8 +167,8 @@ private:
         else
             by_cloud("iterations", count, schedule);
         if (in_.wanted < 0 && covered_ > 0)
-            plan_.back().reason += str("; at full coverage ", kIterationsPerView,
-                                       " per photograph, at least ", grouped(least));
+            plan_.back().reason +=
+                str("; at full coverage ", per_view, " per photograph, at least ", grouped(least));
     }
 
     void growth() {
@@ -240,12 +242,14 @@ private:
 
     /// A larger splat lies in a gap of the cloud, at a depth that nothing has measured.
     void meshed_splats() {
-        if (look_.train_views >= kFewViews) return;
-        const int least = kMeshedScalePx << std::max(0, look_.train_views - kLeastViews);
+        const int views = in_.supported ? kLeastViews : look_.train_views;
+        if (views >= kFewViews) return;
+        const int least = kMeshedScalePx << std::max(0, views - kLeastViews);
         const std::string px = rounded(std::min(least / covered_, kLargestScalePx));
         by_cloud("meshed splats", str("up to ", px, " px"), {{"mesh.max_scale_px", px}});
-        by_views(str(kMeshedScalePx, " px up to ", kLeastViews,
-                     ", twice that for each more, no limit from ", kFewViews, " on"));
+        if (!in_.supported)
+            by_views(str(kMeshedScalePx, " px up to ", kLeastViews,
+                         ", twice that for each more, no limit from ", kFewViews, " on"));
     }
 
     /// With more views, surface that a single view sees is right more often, rough as it is.

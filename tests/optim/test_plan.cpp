@@ -95,7 +95,13 @@ TEST(Plan, StereoWhereTheCloudDoesNotCoverInFull) {
         // The option makes the same choice: stereo makes a cloud where there are fewer points.
         EXPECT_EQ(std::stod(cloud.settings.at(0).second) > static_cast<double>(look.points),
                   !covering);
+        ASSERT_EQ(cloud.settings.size(), covering ? 1 : 2);
+        if (covering) continue;
+        EXPECT_EQ(cloud.settings[1].first, "init.max_points");
+        EXPECT_NEAR(std::stod(cloud.settings[1].second), 0.6 * 8000, 200);
     }
+    EXPECT_EQ(decide_cloud(look_of(patch_scene(3, 10, 0)), false).settings.size(), 1)
+        << "without points of the model the size of the scene is not known";
 }
 
 TEST(Plan, CoverageByDegrees) {
@@ -182,6 +188,13 @@ TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
 
 TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
     SceneLook look = look_of(patch_scene(3, 10, 3600));
+    for (const int views : {1, 3, 9, 20}) {
+        look.train_views = views;
+        TrainingInputs by_stereo;
+        by_stereo.configured = by_stereo.options.iterations = 15000, by_stereo.supported = true;
+        const std::vector<Decision> plan = decide_training(look, by_stereo);
+        EXPECT_TRUE(sets(settings(plan, "meshed splats"), "mesh.max_scale_px", "16")) << views;
+    }
     for (const auto& [views, px] : {std::pair(1, "16"), {3, "16"}, {4, "32"}, {8, "512"}}) {
         look.train_views = views;
         EXPECT_TRUE(sets(settings(plan_of(look), "meshed splats"), "mesh.max_scale_px", px))
