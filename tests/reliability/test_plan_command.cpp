@@ -195,7 +195,8 @@ TEST_F(PlanCommand, IsKeptWithTheRunWhichItsConfigurationRepeats) {
 
 TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
     const auto decided = [&](const std::string& flags, const std::string& line) {
-        const Result made = call("synth", "--overwrite --out made --width 96 --height 72 " + flags);
+        const Result made =
+            call("synth", "--overwrite --out made --shape torus --width 96 --height 72 " + flags);
         EXPECT_EQ(made.code, 0) << made;
         const std::string plan =
             call("train",
