@@ -9,8 +9,8 @@ using nlohmann::json;
 TEST_F(Bench, AgreesWithTheOracleOnFreshCases) {
     if (const std::string why = no_oracle(); !why.empty()) GTEST_SKIP() << why;
     expect_agreement("few", "--shape sphere --n 50 --k 100 --seed 11");  // fewer than 2k
-    expect_agreement("smallest_k", "--shape planes --n 250 --k 4 --seed 12");
-    expect_agreement("sphere", "--shape sphere --n 250 --k 33 --seed 13 --mode per_splat");
+    expect_agreement("smallest_k", "--shape planes --n 150 --k 4 --seed 12");
+    expect_agreement("sphere", "--shape sphere --n 150 --k 33 --seed 13 --mode per_splat");
     expect_agreement("cluster", "--shape cluster --n 200 --k 50 --seed 14 --vote-map unit");
     expect_agreement("limit", "--shape planes --n 250 --k 100 --seed 15 --flatness-limit 1");
     expect_agreement("plain", "--shape sphere --n 200 --k 16 --seed 16 --no-whiten");
@@ -19,7 +19,7 @@ TEST_F(Bench, AgreesWithTheOracleOnFreshCases) {
           " --vote-map unit --flatness-limit 1 --flatness-limit-position 1 --curvature scale_free"})
         for (const std::string shape : {"sphere --spacings 0.1", "sphere --spacings 3", "needles",
                                         "planes --shift 1e5", "cluster --shift 1e5"})
-            expect_agreement(shape, "--n 200 --seed 17 --shape " + shape + rules);
+            expect_agreement(shape, "--n 120 --seed 17 --shape " + shape + rules);
 }
 
 TEST_F(Bench, TheOracleRepeatsItsStoredCases) {
