@@ -85,7 +85,8 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
     group = "Evaluation";
     flags.add("--eval-at", "eval.at",
               "seconds of training after which to evaluate: 5,10,20,40 or 5,10,...", group);
-    flags.add("--eval-every", "eval.every", "iterations between evaluations", group);
+    flags.add("--eval-every", "eval.every",
+              "iterations between evaluations, the first after iteration 1", group);
     flags.add("--gt", "eval.gt",
               "true surface (PLY): Chamfer distance and F1 of the splats' centres", group);
     flags.add_switch("--eval-mesh", "eval.mesh", "with --gt: also extract and measure the mesh",

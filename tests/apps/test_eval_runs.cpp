@@ -89,7 +89,7 @@ protected:
 
 TEST_F(EvalRuns, TheMeshIsMeasuredOverTime) {
     const JsonValue report = json("table/report.json");
-    ASSERT_EQ(report["evaluations"].items.size(), 3u);  // at 10 and 20, and at the end
+    ASSERT_EQ(report["evaluations"].items.size(), 4u);  // after 1, 10, 20, and at the end
     for (const JsonValue& evaluation : report["evaluations"].items) {
         EXPECT_GT(evaluation["mesh"]["chamfer"].number, 0) << json_text(evaluation);
         EXPECT_EQ(evaluation["mesh"]["thresholds"].items.size(), 2u);

@@ -58,6 +58,7 @@ TEST(EvaluationSchedules, SecondsAndIterations) {
     options.at = "";
     options.every = 3;
     EvaluationSchedule iterations(options);
+    EXPECT_TRUE(iterations.due(1, 100)) << "the start";
     EXPECT_FALSE(iterations.due(2, 100));
     EXPECT_TRUE(iterations.due(3, 100));
     for (const char* wrong : {"5,4", "0", "5,...", "five", "5,,6", "..."}) {
@@ -197,7 +198,7 @@ TEST_F(Report, EvaluationsAreLoggedAndChangeNothing) {
         before = value["seconds"].number;
         if (value["event"].text == "evaluation") evaluations.push_back(std::move(value));
     }
-    ASSERT_EQ(evaluations.size(), 3u) << "10, 20, 30; the end has its own line";
+    ASSERT_EQ(evaluations.size(), 4u) << "1, 10, 20, 30; the end has its own line";
     for (const JsonValue& e : evaluations) {
         EXPECT_GT(e["psnr"].number, 5);
         EXPECT_GT(e["centres"]["chamfer"].number, 0);
@@ -212,7 +213,7 @@ TEST_F(Report, EvaluationsAreLoggedAndChangeNothing) {
 TEST_F(Report, HoldsWhatTheRunMeasured) {
     const JsonValue report = parse_json_value(contents(folder_ / "run/report.json"), "report");
     EXPECT_EQ(report["summary"]["event"].text, "done");
-    EXPECT_EQ(report["evaluations"].items.size(), 4u);
+    EXPECT_EQ(report["evaluations"].items.size(), 5u);
     EXPECT_EQ(report["reports"]["iteration"].items.size(), 5u) << "1, 10, 20, 30, 40";
     EXPECT_FALSE(report["stages"].members.empty());
     EXPECT_EQ(report["curve"]["tau"].items.size(), 41u);

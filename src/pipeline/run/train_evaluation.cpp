@@ -45,7 +45,7 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double 
 }
 
 bool EvaluationSchedule::due(int step, double seconds) {
-    bool now = every_ > 0 && step % every_ == 0;
+    bool now = every_ > 0 && (step == 1 || step % every_ == 0);
     while (!at_.empty() && seconds >= at_.front()) {
         now = true;
         if (at_.size() == 1 && ratio_ > 0) at_.push_back(at_.front() * ratio_);

@@ -27,7 +27,8 @@ struct EvaluationOptions {
         field("at", at,
               "seconds of training at which to evaluate, such as 5,10,20; a final '...' repeats "
               "the last ratio; empty: none");
-        field("every", every, {0, 1e9}, "iterations between evaluations; 0: none");
+        field("every", every, {0, 1e9},
+              "iterations between evaluations, the first after iteration 1; 0: none");
         field("gt", gt,
               "true surface, mesh or cloud (PLY), in the frame of the scene; empty: none");
         field("visible_gt", visible_gt,
