@@ -5,11 +5,11 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-views=24
-width=160
-height=120
+views=5 # around the front, one of them for testing
+width=320
+height=240
 split=train_all
-iterations=1000
+iterations=100
 taus=0.01,0.02,0.05 # the object is 2 units high
 
 out=${1:-runs/demo}
@@ -37,11 +37,12 @@ bin=build/demo-$preset/bin
 SECONDS=0
 
 step "scene with exact ground truth: $scene"
-"$bin/tvsgs-synth" --out "$scene" --views "$views" --width "$width" --height "$height" --overwrite
+"$bin/tvsgs-synth" --out "$scene" --views "$views" --arc 75 --test-views 1 --points 300 --width "$width" \
+    --height "$height" --overwrite
 
 step "training: $run"
 "$bin/tvsgs-train" --scene "$scene" --split "$split" --iterations "$iterations" --out "$run" --overwrite \
-    --gt "$scene/gt/points.ply" "${truth[@]}" --eval-every $((iterations / 5))
+    --gt "$scene/gt/points.ply" "${truth[@]}" --eval-mesh --eval-every $((iterations / 5))
 
 step "mesh"
 "$bin/tvsgs-extract-mesh" --model "$run"
@@ -56,7 +57,7 @@ step "a page to look at"
 cat <<END
 
 Done in $SECONDS s after the build. Open in a browser:
-  $run/report.html        how good it is, how long it took, what limits it
+  $run/report.html        how good it is, its error against time, what limits it
   $run/view.html          splats, mesh, cameras and errors in 3D
 
   photographs             $scene/images/*.png

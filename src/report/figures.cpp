@@ -82,12 +82,12 @@ std::vector<Plot> plots_over_time(const JsonValue& evaluations) {
         return Series{name, seconds, of_each(find), {}, {}, true};
     };
     std::vector<Plot> plots;
-    for (const char* what : {"centres", "mesh"}) {
+    for (const char* what : {"mesh", "centres"}) {
         const auto distance = [&](const char* name, const char* key) {
             return series(name,
                           [=](const JsonValue& e) -> const JsonValue& { return e[what][key]; });
         };
-        plots.push_back({str("Distance of the ", what),
+        plots.push_back({str("Distance of the ", what, " to the truth"),
                          "seconds",
                          "scene units",
                          true,

@@ -24,9 +24,9 @@ public:
     std::string html() {
         verdict();
         overview();
+        over_time();
         view();
         plan();
-        over_time();
         losses();
         sizes();
         stages();
@@ -139,7 +139,7 @@ private:
         add("PSNR, test views", s["psnr"], " dB");
         add("SSIM, test views", s["ssim"]);
         add("LPIPS, test views", report_["nvs"]["lpips"]);
-        for (const char* what : {"centres", "mesh"}) {
+        for (const char* what : {"mesh", "centres"}) {
             add(str("Chamfer, ", what).c_str(), s[what]["chamfer"]);
             for (const JsonValue& t : s[what]["thresholds"].items)
                 add(str("F1 at ", short_number(t["tau"].number), ", ", what).c_str(), t["f1"], "",
