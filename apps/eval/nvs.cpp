@@ -47,6 +47,8 @@ int nvs(const NvsArguments& arguments) {
     if (!arguments.weights.empty()) keys.emplace_back("lpips");
     for (std::size_t i = 0, n = keys.size(); arguments.masked && i < n; ++i)
         keys.push_back(keys[i] + "_masked");
+    for (const char* key : {"psnr_near", "ssim_near", "psnr_far", "ssim_far"})
+        keys.emplace_back(key);
     const std::vector<Bound> bounds = parse_bounds(arguments.require, keys);
     ViewScoring scoring;
     scoring.masked = arguments.masked;
@@ -83,10 +85,11 @@ int nvs(const NvsArguments& arguments) {
     const ViewScores scores = on_device(device, [&](auto tag) {
         Gaussians<decltype(tag)> gaussians;
         copy(splats, gaussians);
-        return evaluate_views(gaussians, scene.test, options.train, arguments.model, scoring);
+        return evaluate_views(gaussians, scene, options.train, arguments.model, scoring);
     });
     write_metrics_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
                         scores);
+    scoring.trained = &scene.train;
     std::printf("%s\n", json_text(view_scores_json(scores, scene.test.size(), scoring)).c_str());
     if (!scoring.lpips) spdlog::info("LPIPS: not computed; give its weights with --lpips-weights");
     spdlog::info("Renders, normal and depth maps: {}/test", arguments.model);
@@ -100,6 +103,10 @@ int nvs(const NvsArguments& arguments) {
     };
     add(scores.mean, "");
     if (scoring.masked) add(scores.mean_masked, "_masked");
+    for (const auto& [suffix, mean] :
+         {std::pair("_near", scores.mean_near), std::pair("_far", scores.mean_far)})
+        metrics.push_back({str("psnr", suffix), mean.psnr}),
+            metrics.push_back({str("ssim", suffix), mean.ssim});
     return check_bounds(bounds, metrics);
 }
 

@@ -1,8 +1,10 @@
 #include "eval/view_scores.h"
 
 #include <algorithm>
+#include <numbers>
 
 #include "core/error.h"
+#include "core/scene/view_axis.h"
 
 namespace tvsgs {
 namespace {
@@ -88,12 +90,24 @@ ImageScores mean_of(const std::vector<ImageScores>& views) {
 
 }  // namespace
 
+double nearest_axis_deg(const Camera& camera, const std::vector<View>& views) {
+    double cosine = -1;
+    for (const View& view : views)
+        cosine = std::max(cosine, dot(optical_axis(camera), optical_axis(view.camera)));
+    return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / std::numbers::pi;
+}
+
 void ViewScorer::add(const View& view, const ImageU8& render, const std::vector<Vec3f>& colors) {
     JsonValue line;
     whole_.push_back(quantized(scoring_, view, render, colors, [&](const auto& a, const auto& b) {
         return score(a, b, scoring_);
     }));
     add_scores(line, whole_.back());
+    if (scoring_.trained != nullptr) {
+        const double angle_deg = nearest_axis_deg(view.camera, *scoring_.trained);
+        (angle_deg <= kNearDeg ? near_ : far_).push_back(whole_.back());
+        line.add("angle_deg", angle_deg);
+    }
     if (scoring_.masked) {
         if (view.mask.empty())
             throw Error(ExitCode::input,
@@ -110,6 +124,8 @@ void ViewScorer::add(const View& view, const ImageU8& render, const std::vector<
 ViewScores ViewScorer::scores() const {
     ViewScores scores;
     scores.mean = mean_of(whole_), scores.mean_masked = mean_of(masked_);
+    scores.mean_near = mean_of(near_), scores.mean_far = mean_of(far_);
+    scores.near_views = near_.size(), scores.far_views = far_.size();
     scores.mean_psnr = scores.mean.psnr, scores.mean_ssim = scores.mean.ssim;
     scores.per_view = per_view_;
     return scores;
@@ -128,6 +144,11 @@ JsonValue view_scores_json(const ViewScores& scores,
     JsonValue json;
     add_scores(json, scores.mean);
     if (scoring.masked) add_scores(json, scores.mean_masked, "_masked");
+    if (scoring.trained != nullptr) {
+        add_scores(json, scores.mean_near, "_near");
+        add_scores(json, scores.mean_far, "_far");
+        json.add("views_near", scores.near_views).add("views_far", scores.far_views);
+    }
     json.add("views", views);
     json.add("lpips_by",
              !scoring.lpips

@@ -19,7 +19,14 @@ struct ViewScoring {
     bool masked = false;                  // also score the object on white
     const LpipsWeights* lpips = nullptr;  // null: not computed
     LpipsRange lpips_range = LpipsRange::zero_one;
+    const std::vector<View>* trained = nullptr;  // null: views are not parted into near and far
 };
+
+/// A view is near if its optical axis is at most so far from that of a training view.
+inline constexpr double kNearDeg = 15;
+
+/// Smallest angle between the optical axes of a camera and of views, degrees.
+double nearest_axis_deg(const Camera& camera, const std::vector<View>& views);
 
 /// NaN: not computed, or undefined.
 struct ImageScores {
@@ -30,7 +37,9 @@ struct ImageScores {
 struct ViewScores {
     double mean_psnr = 0, mean_ssim = 0;
     ImageScores mean, mean_masked;  // mean of psnr and ssim of both
-    JsonValue per_view;             // by name
+    ImageScores mean_near, mean_far;
+    std::size_t near_views = 0, far_views = 0;
+    JsonValue per_view;  // by name
 };
 
 /// Collects the scores of views one by one. The mean PSNR excludes views equal to their photograph,
@@ -46,7 +55,7 @@ public:
 
 private:
     ViewScoring scoring_;
-    std::vector<ImageScores> whole_, masked_;
+    std::vector<ImageScores> whole_, masked_, near_, far_;
     JsonValue per_view_ = JsonValue::object();
 };
 

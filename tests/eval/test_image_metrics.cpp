@@ -5,9 +5,11 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <numbers>
 
 #include "core/error.h"
 #include "eval/image_metrics.h"
+#include "eval/view_scores.h"
 #include "render/depth/map_images.h"
 #include "support/test_data.h"
 
@@ -93,6 +95,42 @@ TEST(MapImages, Depth) {
     EXPECT_EQ(brightness(150), brightness(199));
     EXPECT_EQ(depth_image(2, 1, {0, 0}).pixels, std::vector<std::uint8_t>(6, 0));
     EXPECT_GT(depth_image(1, 1, {3}).at(0, 0, 0), 0);
+}
+
+/// A view whose camera is turned about the vertical axis; grey.
+View turned_view(double degrees) {
+    View view;
+    const double angle = degrees * std::numbers::pi / 180;
+    const auto c = static_cast<float>(std::cos(angle)), s = static_cast<float>(std::sin(angle));
+    view.camera = {16, 16, 20, 20, 8, 8, {}};
+    view.camera.camera_from_world.R = {{{c, 0, s}, {0, 1, 0}, {-s, 0, c}}};
+    view.photo = ImageU8(16, 16, 3, 100);
+    view.name = std::to_string(static_cast<int>(degrees));
+    return view;
+}
+
+TEST(ViewScores, NearAndFarViewsHaveTheirOwnMeans) {
+    const std::vector<View> trained = {turned_view(0), turned_view(90)};
+    ViewScoring scoring;
+    scoring.trained = &trained;
+    ViewScorer scorer(scoring);
+    // Errors of 1, 2, 4 and 8 steps.
+    for (const auto& [degrees, level] :
+         {std::pair(14.9, 101), {-10., 102}, {15.1, 104}, {200., 108}})
+        scorer.add(turned_view(degrees), ImageU8(16, 16, 3, static_cast<std::uint8_t>(level)), {});
+    const ViewScores scores = scorer.scores();
+    const auto psnr_of = [](int steps) { return 20 * std::log10(255. / steps); };
+    EXPECT_NEAR(scores.mean_near.psnr, (psnr_of(1) + psnr_of(2)) / 2, 1e-6);
+    EXPECT_NEAR(scores.mean_far.psnr, (psnr_of(4) + psnr_of(8)) / 2, 1e-6);
+    EXPECT_EQ(scores.near_views, 2u);
+    EXPECT_EQ(scores.far_views, 2u);
+    EXPECT_NEAR(scores.per_view["15"]["angle_deg"].number, 15.1, 1e-4);
+    EXPECT_NEAR(scores.per_view["200"]["angle_deg"].number, 110, 1e-4);
+    const JsonValue json = view_scores_json(scores, 4, scoring);
+    EXPECT_EQ(json["psnr_near"].number, scores.mean_near.psnr);
+    EXPECT_EQ(json["views_far"].number, 2);
+    scoring.trained = nullptr;
+    EXPECT_FALSE(view_scores_json(scores, 4, scoring)["psnr_near"]);
 }
 
 }  // namespace

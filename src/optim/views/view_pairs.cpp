@@ -126,11 +126,6 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
 
 }  // namespace
 
-Vec3d optical_axis(const Camera& camera) {
-    const Mat3f& R = camera.camera_from_world.R;
-    return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
-}
-
 double share_with_pair(const Scene& scene, const ViewPairOptions& options) {
     return 1 - find_view_pairs(scene, options).lonely / static_cast<double>(scene.train.size());
 }

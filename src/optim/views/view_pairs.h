@@ -5,6 +5,7 @@
 
 #include "core/options.h"
 #include "core/scene/scene.h"
+#include "core/scene/view_axis.h"
 
 namespace tvsgs {
 
@@ -52,9 +53,6 @@ struct ViewPairs {
 /// Pairs every training view with at most `count` others within the limits, nearest first; equal
 /// distances by angle. Logs views without a pair and the reason, unless `quiet`.
 ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, bool quiet = false);
-
-/// Viewing direction of a camera: a unit vector in the world.
-Vec3d optical_axis(const Camera& camera);
 
 /// Share of the training views that have a pair; logs nothing.
 double share_with_pair(const Scene& scene, const ViewPairOptions& options);

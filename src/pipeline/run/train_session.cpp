@@ -375,7 +375,7 @@ void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
                                             JsonValue& summary) const {
     const bool masked = have_masks(in_.scene.test);
     const ViewScores scores =
-        evaluate_views(drawn, in_.scene.test, training_, run_.path(), {.masked = masked});
+        evaluate_views(drawn, in_.scene, training_, run_.path(), {.masked = masked});
     summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
     if (masked) summary.add("psnr_masked", scores.mean_masked.psnr);
     const double psnr = psnr_trained(scores, training_);

@@ -63,14 +63,15 @@ inline std::string render_stem(const std::string& run, const std::string& view_n
     return run + "/test/" + std::filesystem::path(view_name).replace_extension().string();
 }
 
-/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view, while the next view is
-/// rendered, and RUN/eval/nvs.json. Checks for signals between views.
+/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per test view, while the next view
+/// is rendered, and RUN/eval/nvs.json. Checks for signals between views.
 template <class Device>
 ViewScores evaluate_views(const Gaussians<Device>& gaussians,
-                          const std::vector<View>& views,
+                          const Scene& scene,
                           const TrainOptions& options,
                           const std::string& run,
-                          const ViewScoring& scoring = {}) {
+                          ViewScoring scoring = {}) {
+    scoring.trained = &scene.train;
     SignalGuard::check();
     std::future<void> writing;  // the pictures of a view
     const auto write_pictures = [&](const View& view, const ImageU8& render, const auto& images) {
@@ -87,9 +88,9 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
             });
         SignalGuard::check();
     };
-    ViewScores scores = score_views(gaussians, views, options, write_pictures, scoring);
+    ViewScores scores = score_views(gaussians, scene.test, options, write_pictures, scoring);
     if (writing.valid()) writing.get();
-    JsonValue json = view_scores_json(scores, views.size(), scoring);
+    JsonValue json = view_scores_json(scores, scene.test.size(), scoring);
     json.add("per_view", scores.per_view);
     write_text_file(run + "/eval/nvs.json", json_text(json) + "\n");
     return scores;
