@@ -179,7 +179,7 @@ void check_train_arguments(const TrainArguments& arguments) {
     const Resume& resume = arguments.resume;
     if (options.scene.path.empty())
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
-    check_consistency(options.train);
+    check_consistency(options.train, options.plan.enabled && !resume.point);
     const EvaluationSchedule checked(options.eval);
     check_mesh_options(options.mesh);
     if (!arguments.plan)

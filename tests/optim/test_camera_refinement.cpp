@@ -289,6 +289,7 @@ TEST(Support, RefusesOptionsThatDoNotFit) {
     EXPECT_NO_THROW(check_support(options, {}));
     options.loss.photometric.geometry = 0;
     EXPECT_THROW(check_support(options, parts), Error) << "init.support is missing";
+    EXPECT_NO_THROW(check_support(options, parts, true)) << "the plan may set it";
     options.init.support = true;
     EXPECT_NO_THROW(check_support(options, parts));
     EXPECT_THROW(check_support(options, {}), Error) << "the backbone cannot part the gradients";

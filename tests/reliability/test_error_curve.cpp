@@ -1,4 +1,5 @@
-// The mesh against iterations: a training that starts from stereo never gets worse than its start.
+// The mesh against iterations: a training that starts from stereo does not get worse than its
+// start.
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -8,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-// F1 of the mesh, mean over three thresholds. Starts of three seeds differ by .003.
+// F1 of the mesh, mean over three thresholds. Starts of three seeds differ by .002.
 constexpr double kSpread = 0.003;
 
 class ErrorCurve : public CommandTest {
@@ -49,7 +50,7 @@ protected:
 };
 
 TEST_F(ErrorCurve, NeverFallsBelowItsStart) {
-    EXPECT_GT(change(curve("plan")), -kSpread);
+    EXPECT_GT(change(curve("plan", "--set lr.supported=1")), -kSpread) << "with a rate set by hand";
     // The gradients and rates of a training that stereo does not support make the mesh worse.
     EXPECT_LT(change(curve("free", "--set loss.photometric.geometry=1 --set lr.supported=0")),
               -kSpread);

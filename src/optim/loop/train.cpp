@@ -37,7 +37,7 @@ void check_cameras(const TrainOptions& options, bool has_camera_gradient) {
                     "cameras.refine to false");
 }
 
-void check_support(const TrainOptions& options, const BackboneTraits& backbone) {
+void check_support(const TrainOptions& options, const BackboneTraits& backbone, bool before_plan) {
     const bool parts = options.loss.photometric.geometry < 1;
     if (parts && !backbone.parts_colors)
         throw Error(ExitCode::usage,
@@ -48,9 +48,10 @@ void check_support(const TrainOptions& options, const BackboneTraits& backbone) 
     if (parts && options.cameras.refine)
         throw Error(ExitCode::usage,
                     "loss.photometric.geometry below 1 and cameras.refine exclude each other");
-    if ((parts || options.lr.supported > 0) && !options.init.support)
+    if ((parts || options.lr.supported > 0) && !options.init.support && !before_plan)
         throw Error(ExitCode::usage,
-                    "loss.photometric.geometry below 1 and lr.supported need init.support = true");
+                    "loss.photometric.geometry below 1 and lr.supported need init.support = true; "
+                    "the plan sets it where stereo makes the start points");
 }
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {

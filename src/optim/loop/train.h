@@ -137,8 +137,10 @@ Gaussians<Device> train(const Scene& scene,
 void check_cameras(const TrainOptions& options, bool has_camera_gradient);
 
 /// Throws Error(ExitCode::usage) when options of supported splats do not fit the rasteriser or each
-/// other. train() calls it.
-void check_support(const TrainOptions& options, const BackboneTraits& backbone);
+/// other. `before_plan`: the plan may still set init.support. train() calls it.
+void check_support(const TrainOptions& options,
+                   const BackboneTraits& backbone,
+                   bool before_plan = false);
 
 /// Number of iterations that a saved state has done.
 int iterations_done(const State& state);

@@ -129,7 +129,8 @@ void Preparation::read_views(bool resumed) {
     read_fixed_points(options_, scene_);
     if (planned_) apply(decide_masks(look_at_masks(scene_.train, scene_.points.positions)));
     check_masks(photometric_, scene_.train);
-    check_consistency(options_.train);  // before stereo: masks of an object need coverage
+    // Before stereo: masks of an object need coverage.
+    check_consistency(options_.train, planned_);
     limit_to_object(photometric_.masks, scene_.train, scene_.points);
 }
 
@@ -147,7 +148,7 @@ void Preparation::decide_settings(const ChosenViews& chosen) {
         apply(settings);
         if (pinned("tv.enabled") && !train.tv.enabled && !dense_) apply(drop_voting_losses());
         apply(drop_thickness_losses(train));
-        check_consistency(train);
+        check_consistency(train, true);
     });
 }
 
@@ -296,7 +297,7 @@ Resolved resolve_resumed(const DeviceChoice& device,
     return run.result();
 }
 
-void check_consistency(const TrainOptions& options) {
+void check_consistency(const TrainOptions& options, bool before_plan) {
     const bool needs_votes =
         options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
     if (needs_votes && !options.tv.enabled)
@@ -306,7 +307,7 @@ void check_consistency(const TrainOptions& options) {
                     "set both weights to 0, or tv.enabled to true");
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
     check_cameras(options, backbone->traits.has_camera_gradient);
-    check_support(options, backbone->traits);
+    check_support(options, backbone->traits, before_plan);
     for (const TermOnList& term : terms_on_list(options.loss)) {
         if (!(term.weight > 0)) continue;
         const std::string lacks = names_of(without(term.needs.maps, backbone->traits.maps));

@@ -27,8 +27,8 @@ Resolved resolve_resumed(const DeviceChoice& device,
                          const ResumePoint& point);
 
 /// Throws Error(ExitCode::usage) for a configuration that cannot work. To be called before the
-/// photographs are read, which takes a while.
-void check_consistency(const TrainOptions& options);
+/// photographs are read, which takes a while. `before_plan`: the plan may still set keys.
+void check_consistency(const TrainOptions& options, bool before_plan = false);
 
 /// Fills the maps that the losses need, from the sources of `priors.source`: files, stereo,
 /// descriptors. `stereo`: the points that the scene came with, so that a resumed run gets the same
