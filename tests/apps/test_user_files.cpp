@@ -129,7 +129,8 @@ TEST_F(UserFiles, NoCommandHarmsThem) {
             commands.push_back("train " + kTrain + "--scene home/scene --out " + out + more);
     for (const char* out : {"home/scene", "home/run", "home/project", "home/photos", "home"})
         for (const char* more : {"", " --overwrite"})
-            commands.push_back(std::string("synth --views 4 --quiet --out ") + out + more);
+            commands.push_back(std::string("synth --views 4 --shape torus --quiet --out ") + out +
+                               more);
     for (const char* out :
          {"--out home/cloud.ply", "--out home/scene/images/0000.png", "--maps home/maps",
           "--maps home/scene", "--maps home/scene/images", "--out home/new.ply --maps home/run"})

@@ -258,7 +258,10 @@ TEST_F(AccessiblePages, TheCheckFindsWhatIsWrong) {
     spoil(" alt=\"", " title=\"");
     spoil("</footer>", "<img src=\"x.png\" alt=\"\"></footer>");
     spoil("</footer>", "<p style=\"min-width:3000px\">wide</p></footer>");
-    spoil("class=\"scroll\" tabindex=\"0\"", "style=\"height:5px;overflow:auto\" class=\"s\"");
+    // All of them: tables of plots are folded.
+    const std::string table = "class=\"scroll\" tabindex=\"0\"";
+    while (page.find(table) != std::string::npos)
+        spoil(table, "style=\"height:5px;overflow:auto\" class=\"s\"");
     const auto found = complaints(page, folder("spoilt"), false);
     for (const std::string what :
          {"no language", "contrast 3", "focus does not show", "of a line", "lines alike", "no name",
