@@ -55,16 +55,12 @@ inline float bust_body(Vec3f p) {
 inline float bust_face(Vec3f p) {
     const Vec3f q{p.x, std::abs(p.y), p.z};
     float d = ellipsoid(p, {0.03f, 0, 1.44f}, {0.4f, 0.35f, 0.46f});
-    d = smooth_min(d, sphere(p, {0.2f, 0, 1.16f}, 0.18f), 0.2f);                   // chin
-    d = smooth_min(d, capsule(p, {-0.04f, 0, 0.6f}, {0, 0, 1.2f}, 0.19f), 0.15f);  // neck
-    // Skips features in a ball of radius 0.3 where they change nothing.
-    if (norm(p - Vec3f{0.42f, 0, 1.36f}) - 0.3f <= std::abs(d) + 0.1f) {
-        d = -smooth_min(-d, sphere(q, {0.45f, 0.15f, 1.49f}, 0.09f), 0.1f);  // eye sockets
-        d = smooth_min(d, sphere(q, {0.36f, 0.15f, 1.48f}, 0.055f), 0.03f);  // eyes
-        d = smooth_min(d, capsule(p, {0.4f, 0, 1.5f}, {0.5f, 0, 1.36f}, 0.05f), 0.08f);  // nose
-        d = smooth_min(d, capsule(q, {0.41f, 0, 1.2f}, {0.37f, 0.09f, 1.22f}, 0.025f),
-                       0.05f);  // mouth
-    }
+    d = smooth_min(d, sphere(p, {0.2f, 0, 1.16f}, 0.18f), 0.2f);                     // chin
+    d = smooth_min(d, capsule(p, {-0.04f, 0, 0.6f}, {0, 0, 1.2f}, 0.19f), 0.15f);    // neck
+    d = -smooth_min(-d, sphere(q, {0.45f, 0.15f, 1.49f}, 0.09f), 0.1f);              // eye sockets
+    d = smooth_min(d, sphere(q, {0.36f, 0.15f, 1.48f}, 0.055f), 0.03f);              // eyes
+    d = smooth_min(d, capsule(p, {0.4f, 0, 1.5f}, {0.5f, 0, 1.36f}, 0.05f), 0.08f);  // nose
+    d = smooth_min(d, capsule(q, {0.41f, 0, 1.2f}, {0.37f, 0.09f, 1.22f}, 0.025f), 0.05f);  // mouth
     return smooth_min(d, ellipsoid(q, {0.02f, 0.37f, 1.42f}, {0.09f, 0.06f, 0.13f}),
                       0.05f);  // ears
 }
@@ -205,11 +201,11 @@ inline TriangleMesh surface_nets(const Shape& shape, float spacing) {
                 }
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int i) {
         for (int step = 0; step < 4; ++step) {
-            const Vec3f before = mesh.vertices[i], slope = gradient(shape, before);
-            const float move = shape.distance(before) / std::max(dot(slope, slope), 0.25f);
+            const Vec3f slope = gradient(shape, mesh.vertices[i]);
+            const float move =
+                shape.distance(mesh.vertices[i]) / std::max(dot(slope, slope), 0.25f);
             // At most half a cell per step, because creases have no gradient.
             mesh.vertices[i] -= std::clamp(move, -0.5f * spacing, 0.5f * spacing) * slope;
-            if (norm(mesh.vertices[i] - before) == 0) break;  // more steps would not move it
         }
     });
     return mesh;
