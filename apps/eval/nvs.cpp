@@ -45,10 +45,11 @@ void write_metrics_files(const std::string& run,
 int nvs(const NvsArguments& arguments) {
     std::vector<std::string> keys = {"psnr", "ssim", "ssim_valid"};
     if (!arguments.weights.empty()) keys.emplace_back("lpips");
-    for (std::size_t i = 0, n = keys.size(); arguments.masked && i < n; ++i)
-        keys.push_back(keys[i] + "_masked");
-    for (const char* key : {"psnr_near", "ssim_near", "psnr_far", "ssim_far"})
-        keys.emplace_back(key);
+    std::vector<std::string> suffixes = {"_near", "_far"};
+    if (arguments.masked) suffixes.emplace_back("_masked");
+    const std::vector<std::string> of_all = keys;
+    for (const std::string& suffix : suffixes)
+        for (const std::string& key : of_all) keys.push_back(key + suffix);
     const std::vector<Bound> bounds = parse_bounds(arguments.require, keys);
     ViewScoring scoring;
     scoring.masked = arguments.masked;
@@ -103,10 +104,7 @@ int nvs(const NvsArguments& arguments) {
     };
     add(scores.mean, "");
     if (scoring.masked) add(scores.mean_masked, "_masked");
-    for (const auto& [suffix, mean] :
-         {std::pair("_near", scores.mean_near), std::pair("_far", scores.mean_far)})
-        metrics.push_back({str("psnr", suffix), mean.psnr}),
-            metrics.push_back({str("ssim", suffix), mean.ssim});
+    add(scores.mean_near, "_near"), add(scores.mean_far, "_far");
     return check_bounds(bounds, metrics);
 }
 

@@ -22,10 +22,10 @@ struct ViewScoring {
     const std::vector<View>* trained = nullptr;  // null: views are not parted into near and far
 };
 
-/// A view is near if its optical axis is at most so far from that of a training view.
+/// Largest angle between the optical axes of a near view and of a training view.
 inline constexpr double kNearDeg = 15;
 
-/// Smallest angle between the optical axes of a camera and of views, degrees.
+/// Smallest angle between the optical axes of a camera and of views, degrees; 180 without views.
 double nearest_axis_deg(const Camera& camera, const std::vector<View>& views);
 
 /// NaN: not computed, or undefined.

@@ -88,9 +88,9 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
                 points < least ? "start points by stereo" : ""};
     }
     const bool covers = look.points_per_pixel >= kModelCovers;
-    // Size of a cloud of one point per pixel, in proportion to the points that views see.
+    // Textured pixels of the whole scene, in proportion to the points that views see.
     const bool seen = look.points_per_pixel > 0;
-    const double one =
+    const double scene_pixels =
         seen ? static_cast<double>(look.points) / look.points_per_pixel : look.pixels;
     std::string reason = str("the model has ", short_figure(look.points_per_pixel),
                              " per textured pixel, ", kModelCovers, " needed");
@@ -100,10 +100,10 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
         reason += str("; at the photographs' full size ", short_figure(full),
                       ": the plan may be another");
     const auto whole = [](double points) { return number(std::ceil(std::min(points, 1e9))); };
-    Settings settings{{"init.min_points", covers ? "0" : whole(kModelCovers * one + 1)}};
+    Settings settings{{"init.min_points", covers ? "0" : whole(kModelCovers * scene_pixels + 1)}};
     if (!covers && seen) {
         reason += str("; stereo makes up to ", kStereoPoints);
-        settings.emplace_back("init.max_points", whole(kStereoPoints * one));
+        settings.emplace_back("init.max_points", whole(kStereoPoints * scene_pixels));
     }
     return {"start points",
             covers ? "the model's" : "stereo",

@@ -20,10 +20,10 @@ constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
               kOpaqueAfter = 250, kOpaqueShare = 20;
-// A start by stereo: iterations per view up to kSupported in all, and for many views; opacity;
-// pixels between the points that fill gaps; share of the iterations in which the photometric share
-// rises to 1 at kFewViews; and the factor of lr.supported just below kFewViews.
-constexpr int kSupportedPerView = 400, kSupported = 2500, kManyPerView = 125, kGapPx = 2;
+// A start by stereo: iterations per view, their largest sum, and iterations per view where these
+// are more; opacity; pixels between the points that fill gaps; share of the iterations in which the
+// photometric share rises to 1 at kFewViews; and the factor of lr.supported just below kFewViews.
+constexpr int kSupportedPerView = 400, kSupportedMost = 2500, kManyPerView = 125, kGapPx = 2;
 constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
@@ -147,8 +147,8 @@ private:
     void schedule() {
         const int views = look_.train_views,
                   per_view = in_.supported ? kManyPerView : kIterationsPerView,
-                  least =
-                      in_.supported ? std::min(kSupportedPerView * views, kSupported) : kIterations,
+                  least = in_.supported ? std::min(kSupportedPerView * views, kSupportedMost)
+                                        : kIterations,
                   enough = std::max(least, per_view * views);
         iterations_ = in_.wanted >= 0
                           ? in_.wanted

@@ -98,7 +98,8 @@ TEST(Plan, StereoWhereTheCloudDoesNotCoverInFull) {
         ASSERT_EQ(cloud.settings.size(), covering ? 1 : 2);
         if (covering) continue;
         EXPECT_EQ(cloud.settings[1].first, "init.max_points");
-        EXPECT_NEAR(std::stod(cloud.settings[1].second), 0.6 * 8000, 200);
+        EXPECT_EQ(std::stod(cloud.settings[1].second),
+                  std::ceil(0.6 * static_cast<double>(look.points) / look.points_per_pixel));
     }
     EXPECT_EQ(decide_cloud(look_of(patch_scene(3, 10, 0)), false).settings.size(), 1)
         << "without points of the model the size of the scene is not known";
