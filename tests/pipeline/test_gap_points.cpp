@@ -1,6 +1,7 @@
 // Points that fill the gaps of a stereo cloud, on a ball and a wall whose depth is known.
 #include "mvs/analytic_scene.h"
 #include "pipeline/priors/gap_points.h"
+#include "pipeline/priors/stereo_priors.h"
 #include "support/numeric.h"
 
 namespace tvsgs {
@@ -50,7 +51,8 @@ protected:
 
 TEST_F(GapPoints, LieOnTheSurfaceThatIsMissing) {
     const std::size_t before = cloud_.positions.size(),
-                      added = add_gap_points({maps_}, views_, {}, kSpacing, cloud_);
+                      added = add_gap_points(completed_maps({maps_}, views_), views_, {}, kSpacing,
+                                             cloud_);
     ASSERT_EQ(cloud_.positions.size(), before + added);
     ASSERT_EQ(cloud_.normals.size(), before + added);
     ASSERT_EQ(cloud_.colors.size(), before + added);
@@ -75,13 +77,16 @@ TEST_F(GapPoints, LieOnTheSurfaceThatIsMissing) {
         EXPECT_EQ(cloud_.confidences[i], 0);
     }
     EXPECT_GT(near, added * 9 / 10);
-    EXPECT_EQ(add_gap_points({maps_}, views_, {}, kSpacing, cloud_), 0u) << "nothing is left";
+    EXPECT_EQ(add_gap_points(completed_maps({maps_}, views_), views_, {}, kSpacing, cloud_), 0u)
+        << "nothing is left";
 }
 
 TEST_F(GapPoints, KeepToTheirSpacing) {
     PointCloud coarse = cloud_;
-    const std::size_t fine = add_gap_points({maps_}, views_, {}, kSpacing, cloud_),
-                      few = add_gap_points({maps_}, views_, {}, 2 * kSpacing, coarse);
+    const std::size_t fine = add_gap_points(completed_maps({maps_}, views_), views_, {}, kSpacing,
+                                            cloud_),
+                      few = add_gap_points(completed_maps({maps_}, views_), views_, {},
+                                           2 * kSpacing, coarse);
     EXPECT_NEAR(static_cast<double>(fine) / static_cast<double>(few), 3, 0.4);
 }
 
@@ -101,7 +106,7 @@ TEST_F(GapPoints, LieBehindPointsOnly) {
                     transpose_times(pose.R, static_cast<float>(share * depth) * ray - pose.t));
                 add(cloud, s);
             }
-        return add_gap_points({maps_}, views_, {}, kSpacing, cloud);
+        return add_gap_points(completed_maps({maps_}, views_), views_, {}, kSpacing, cloud);
     };
     EXPECT_GE(with_points_at(0.5), 32u) << "points in front belong to another surface";
     EXPECT_EQ(with_points_at(1.3), 0u);
@@ -120,7 +125,7 @@ TEST_F(GapPoints, NoneThatMeasuredPixelsDoNotEnclose) {
                 maps.depth[i] = measured ? static_cast<float>(s.depth) : 0;
                 if (measured) add(cloud, s);
             }
-        return add_gap_points({maps}, views_, {}, kSpacing, cloud);
+        return add_gap_points(completed_maps({maps}, views_), views_, {}, kSpacing, cloud);
     };
     EXPECT_GT(added_without(78, 83), 60u) << "a strip of 5 pixels";
     EXPECT_EQ(added_without(78, 86), 0u) << "a strip of 8 pixels";
@@ -130,11 +135,11 @@ TEST_F(GapPoints, NoneThatMeasuredPixelsDoNotEnclose) {
 TEST_F(GapPoints, NoneInTheSkyAndNoneWithoutMeasuredPixels) {
     SkyDetection sky;
     sky.views.push_back({kWidth, 1, 1, {FarPixels::far}});
-    EXPECT_EQ(add_gap_points({maps_}, views_, sky, kSpacing, cloud_), 0u);
+    EXPECT_EQ(add_gap_points(completed_maps({maps_}, views_), views_, sky, kSpacing, cloud_), 0u);
     StereoMaps empty = maps_;
     empty.depth.assign(empty.depth.size(), 0);
     empty.confidence.assign(empty.confidence.size(), 0);
-    EXPECT_EQ(add_gap_points({empty}, views_, {}, kSpacing, cloud_), 0u);
+    EXPECT_EQ(add_gap_points(completed_maps({empty}, views_), views_, {}, kSpacing, cloud_), 0u);
 }
 
 }  // namespace

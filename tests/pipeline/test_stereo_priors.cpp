@@ -52,7 +52,7 @@ View ball_view() {
 TEST(StereoPriors, MeasuredFilledAndNothingAreToldApart) {
     std::vector<View> views{ball_view()};
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
-    add_stereo_priors({stereo}, kAll, views);
+    add_stereo_priors(completed_maps({stereo}, views), kAll, views);
     ASSERT_EQ(views[0].maps.size(), 4u);
     const auto &depth = values(views[0], "depth"), &confidence = values(views[0], "confidence"),
                &order = values(views[0], "depth_order"), &normal = values(views[0], "normal");
@@ -84,7 +84,7 @@ TEST(StereoPriors, MeasuredFilledAndNothingAreToldApart) {
 TEST(StereoPriors, TheOrderIsDepthStretched) {
     std::vector<View> views{ball_view()};
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
-    add_stereo_priors({stereo}, kAll, views);
+    add_stereo_priors(completed_maps({stereo}, views), kAll, views);
     const auto &depth = values(views[0], "depth"), &order = values(views[0], "depth_order");
     std::vector<float> measured;
     int below = 0, above = 0;
@@ -106,8 +106,9 @@ TEST(StereoPriors, AHalvedStereoGivesSurfacesWithoutSteps) {
     const auto wall_only = [](const test::Surface&) { return 0.5; };
     Camera camera = test::arc_camera(2 * kWidth, 2 * kHeight, 0.1);
     std::vector<View> views{test::photograph(camera, wall_only)};
-    add_stereo_priors({true_maps(camera, kWidth, kHeight, [](int, int) { return true; })}, kAll,
-                      views);
+    add_stereo_priors(
+        completed_maps({true_maps(camera, kWidth, kHeight, [](int, int) { return true; })}, views),
+        kAll, views);
     for (const ViewMap& map : views[0].maps) {
         EXPECT_EQ(map.width_px, 2 * kWidth);
         EXPECT_EQ(map.height_px, 2 * kHeight);
@@ -135,7 +136,8 @@ TEST(StereoPriors, NothingBeyondTheMask) {
     for (int y = 0; y < kHeight; ++y)
         for (int x = 0; x < 40; ++x) views[0].mask.at(x, y) = 0;
     const auto known = [](int x, int y) { return x >= 40 && kHoles(x, y); };
-    add_stereo_priors({true_maps(views[0].camera, kWidth, kHeight, known)}, kAll, views);
+    add_stereo_priors(completed_maps({true_maps(views[0].camera, kWidth, kHeight, known)}, views),
+                      kAll, views);
     for (int at = 0; at < kWidth * kHeight; ++at) {
         const auto i = static_cast<std::size_t>(at);
         EXPECT_EQ(values(views[0], "depth")[i] > 0, at % kWidth >= 40) << at;
@@ -149,17 +151,18 @@ TEST(StereoPriors, OnlyWhatIsWantedAndMissing) {
     views[2].maps.push_back({"features", 1, 1, 1, {0.5f}});
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
     StereoMaps none = true_maps(views[0].camera, kWidth, kHeight, [](int, int) { return false; });
-    add_stereo_priors({stereo, stereo, stereo}, {"normal", "features", "mask"}, views);
+    add_stereo_priors(completed_maps({stereo, stereo, stereo}, views),
+                      {"normal", "features", "mask"}, views);
     ASSERT_EQ(views[0].maps.size(), 1u);
     EXPECT_EQ(views[0].maps[0].name, "normal");
     EXPECT_EQ(views[0].maps[0].channels, 3);
     ASSERT_EQ(views[1].maps.size(), 2u);
     EXPECT_EQ(views[1].maps[1].name, "normal");
     EXPECT_EQ(views[2].maps.size(), 2u);
-    add_stereo_priors({stereo, stereo, stereo}, kAll, views);
+    add_stereo_priors(completed_maps({stereo, stereo, stereo}, views), kAll, views);
     EXPECT_EQ(views[1].maps.size(), 2u) << "its order came with it, and its normals are there";
     std::vector<View> blind{ball_view()};
-    add_stereo_priors({none}, kAll, blind);
+    add_stereo_priors(completed_maps({none}, blind), kAll, blind);
     EXPECT_TRUE(blind[0].maps.empty());
 }
 
@@ -168,14 +171,14 @@ TEST(StereoPriors, AddsWhatAViewCameWithout) {
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
     const std::vector<float> given(std::size_t(kWidth) * kHeight, 7.0f);
     views[0].maps.push_back({"depth", kWidth, kHeight, 1, given});
-    add_stereo_priors({stereo}, kAll, views);
+    add_stereo_priors(completed_maps({stereo}, views), kAll, views);
     ASSERT_EQ(views[0].maps.size(), 2u) << "no order or confidence that is another depth's";
     EXPECT_EQ(values(views[0], "depth"), given);
     EXPECT_EQ(views[0].maps[1].name, "normal");
     // A confidence without its depth.
     views = {ball_view()};
     views[0].maps.push_back({"confidence", kWidth, kHeight, 1, given});
-    add_stereo_priors({stereo}, kAll, views);
+    add_stereo_priors(completed_maps({stereo}, views), kAll, views);
     ASSERT_EQ(views[0].maps.size(), 4u);
     EXPECT_LE(values(views[0], "confidence")[0], 1);
 }
@@ -185,7 +188,7 @@ TEST(StereoPriors, AWallMetHeadOnHasAnOrder) {
     StereoMaps flat = true_maps(views[0].camera, kWidth, kHeight, [](int, int) { return true; });
     std::fill(flat.depth.begin(), flat.depth.end(), 4.0f);
     std::fill(flat.normals.begin(), flat.normals.end(), Vec3f{0, 0, -1});
-    add_stereo_priors({flat}, kAll, views);
+    add_stereo_priors(completed_maps({flat}, views), kAll, views);
     for (const float v : values(views[0], "depth_order")) ASSERT_EQ(v, 0);
 }
 

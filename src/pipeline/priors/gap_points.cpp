@@ -38,17 +38,18 @@ std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>
 }
 
 /// Share of measured pixels among those that are at most kReach columns and rows away.
-std::vector<float> measured_shares(const std::vector<float>& depth, int w, int h) {
+std::vector<float> measured_shares(const StereoMaps& maps) {
+    const int w = maps.camera.width_px, h = maps.camera.height_px;
     std::vector<int> sums(
         static_cast<std::size_t>((w + 1) * (h + 1)));  // above and left of a pixel
     const auto sum = [&](int x, int y) -> int& {
         return sums[static_cast<std::size_t>(y * (w + 1) + x)];
     };
-    std::vector<float> shares(depth.size());
+    std::vector<float> shares(maps.depth.size());
     for (int y = 0; y < h; ++y)
         for (int x = 0; x < w; ++x)
             sum(x + 1, y + 1) = sum(x, y + 1) + sum(x + 1, y) - sum(x, y) +
-                                (depth[static_cast<std::size_t>(y * w + x)] > 0);
+                                is_measured(maps.confidence[static_cast<std::size_t>(y * w + x)]);
     for (int y = 0; y < h; ++y)
         for (int x = 0; x < w; ++x) {
             const int left = std::max(x - kReach, 0), right = std::min(x + kReach + 1, w),
@@ -61,27 +62,23 @@ std::vector<float> measured_shares(const std::vector<float>& depth, int w, int h
     return shares;
 }
 
-bool has_depth(const StereoMaps& maps) {
-    return std::any_of(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; });
-}
-
 }  // namespace
 
-std::size_t add_gap_points(const std::vector<StereoMaps>& stereo,
+std::size_t add_gap_points(const std::vector<StereoMaps>& completed,
                            const std::vector<View>& views,
                            const SkyDetection& sky,
                            int spacing_px,
                            PointCloud& cloud) {
     const std::size_t before = cloud.positions.size();
     for (std::size_t v = 0; v < views.size(); ++v) {
-        if (!has_depth(stereo[v])) continue;
-        const StereoMaps maps = completed_maps(stereo[v], views[v]);
+        const StereoMaps& maps = completed[v];
+        if (measured_pixels(maps) == 0) continue;
         const Camera& camera = maps.camera;
         const Rigid3f& pose = camera.camera_from_world;
         const int w = camera.width_px, h = camera.height_px;
         const Span<const float> depth{maps.depth.data(), maps.depth.size()};
         const std::vector<float> covered = covered_depths(camera, cloud.positions);
-        const std::vector<float> measured = measured_shares(stereo[v].depth, w, h);
+        const std::vector<float> measured = measured_shares(maps);
         const ImageU8& photo = views[v].photo;
         for (int y = spacing_px / 2; y < h; y += spacing_px)
             for (int x = spacing_px / 2; x < w; x += spacing_px) {

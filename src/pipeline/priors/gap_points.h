@@ -10,13 +10,13 @@
 namespace tvsgs {
 
 /// Adds points of confidence 0 to the cloud: one per `spacing_px` x `spacing_px` pixels of the
-/// stereo maps that no point covers. A point covers a pixel if it projects to at most one pixel
-/// away, and the completed surface lies at most 5 % behind it. The points lie at the completed
-/// depth (completed_maps()), with its normal and the photograph's colour; depth edges get none, nor
-/// do pixels that measured ones do not enclose: less than 60 % of those up to 6 pixels away.
-/// `stereo`: of the same views; a view without a measured pixel adds nothing. `sky`: pixels
-/// labelled far get no point; without views: unknown. Returns the number of added points.
-std::size_t add_gap_points(const std::vector<StereoMaps>& stereo,
+/// views' completed_maps() that no point covers. A point covers a pixel if it projects to at most
+/// one pixel away, and the completed surface lies at most 5 % behind it. The points lie at the
+/// completed depth, with its normal and the photograph's colour; depth edges get none, nor do
+/// pixels that measured ones do not enclose: less than 60 % of those up to 6 pixels away. A view
+/// without a measured pixel adds nothing. `sky`: pixels labelled far get no point; without views:
+/// unknown. Returns the number of added points.
+std::size_t add_gap_points(const std::vector<StereoMaps>& completed,
                            const std::vector<View>& views,
                            const SkyDetection& sky,
                            int spacing_px,

@@ -107,7 +107,7 @@ StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
 std::vector<float> order_of(const StereoMaps& maps) {
     std::vector<float> measured;
     for (std::size_t i = 0; i < maps.depth.size(); ++i)
-        if (maps.confidence[i] > kPlanarConfidence) measured.push_back(maps.depth[i]);
+        if (is_measured(maps.confidence[i])) measured.push_back(maps.depth[i]);
     const auto percentile = [&](std::size_t percent) {
         const auto at =
             measured.begin() + static_cast<std::ptrdiff_t>((measured.size() - 1) * percent / 100);
@@ -124,15 +124,14 @@ std::vector<float> order_of(const StereoMaps& maps) {
     return order;
 }
 
-}  // namespace
-
-StereoMaps completed_maps(const StereoMaps& maps, const View& view) {
+StereoMaps completed(const StereoMaps& maps, const View& view) {
     const std::vector<float> grey = grey_at(view, maps.camera);
     const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
     StereoMaps out = maps;
     out.normals = smoothed_normals(maps, grey);
     std::vector<float> costs(maps.depth.size(), kWorstCost);
     for (std::size_t i = 0; i < maps.depth.size(); ++i) {
+        out.confidence[i] = 0;
         if (!(maps.depth[i] > 0)) continue;
         costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below the limit of planar_prior()
         out.confidence[i] =
@@ -164,17 +163,31 @@ StereoMaps completed_maps(const StereoMaps& maps, const View& view) {
     return out;
 }
 
-void add_stereo_priors(const std::vector<StereoMaps>& stereo,
+}  // namespace
+
+std::size_t measured_pixels(const StereoMaps& completed) {
+    return static_cast<std::size_t>(
+        std::count_if(completed.confidence.begin(), completed.confidence.end(), is_measured));
+}
+
+std::vector<StereoMaps> completed_maps(const std::vector<StereoMaps>& maps,
+                                       const std::vector<View>& views) {
+    std::vector<StereoMaps> out(views.size());
+    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int i) {
+        const auto v = static_cast<std::size_t>(i);
+        out[v] = completed(maps[v], views[v]);
+    });
+    return out;
+}
+
+void add_stereo_priors(const std::vector<StereoMaps>& completed,
                        const MapNames& wanted,
                        std::vector<View>& views) {
     for (std::size_t v = 0; v < views.size(); ++v) {
         View& view = views[v];
-        const auto& depth = stereo[v].depth;
         const MapNames names = to_make(view, wanted);
-        if (names.empty() ||
-            std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
-            continue;
-        StereoMaps maps = resized(completed_maps(stereo[v], view), view.camera);
+        if (names.empty() || measured_pixels(completed[v]) == 0) continue;
+        StereoMaps maps = resized(completed[v], view.camera);
         // A confidence without its depth belongs to other data.
         if (lacks(view, prior_map::kDepth))
             std::erase_if(view.maps,
@@ -201,26 +214,26 @@ void make_stereo_priors(const DeviceChoice& device,
     if (std::all_of(views.begin(), views.end(),
                     [&](const View& view) { return to_make(view, wanted).empty(); }))
         return;
-    std::vector<StereoMaps> found = std::move(start.maps);
-    if (found.empty()) {
+    if (start.maps.empty()) {
         spdlog::info("Losses need priors that the scene lacks: stereo makes them");
-        found = with_context(
-                    "making priors (set the weights of the losses that use them to 0 to avoid it)",
-                    [&] { return run_stereo(device, views, start.points, stereo); })
-                    .maps;
+        start.maps =
+            with_context(
+                "making priors (set the weights of the losses that use them to 0 to avoid it)",
+                [&] { return run_stereo(device, views, start.points, stereo); })
+                .maps;
     }
+    start.complete(views);
     std::size_t known = 0, pixels = 0;
-    for (const StereoMaps& maps : found) {
+    for (const StereoMaps& maps : start.maps) {
         pixels += maps.depth.size();
-        known += static_cast<std::size_t>(
-            std::count_if(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; }));
+        known += measured_pixels(maps);
     }
     if (known == 0)
         throw Error(
             ExitCode::input,
             str("losses need priors, but stereo found no depth in ", views.size(),
                 " views; give priors with --priors, or set the weights of these losses to 0"));
-    add_stereo_priors(found, wanted, views);
+    add_stereo_priors(start.maps, wanted, views);
     spdlog::debug("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
                   100.0 * static_cast<double>(known) / static_cast<double>(pixels));
 }

@@ -14,23 +14,35 @@ namespace tvsgs {
 // Measured pixels have higher confidences; planes between them have more than filled pixels.
 inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
 
-/// Fills the pixels of stereo maps that have no depth, and raises the confidences of measured
-/// pixels above kPlanarConfidence. Filled pixels lie on planes between measured ones
+/// Of completed_maps().
+inline bool is_measured(float confidence) {
+    return confidence > kPlanarConfidence;
+}
+std::size_t measured_pixels(const StereoMaps& completed);
+
+/// Fills the pixels of the views' stereo maps that have no depth, and raises the confidences of
+/// measured pixels above kPlanarConfidence. Filled pixels lie on planes between measured ones
 /// (kPlanarConfidence), or continue their depth without a normal (kFillConfidence).
-StereoMaps completed_maps(const StereoMaps& maps, const View& view);
+std::vector<StereoMaps> completed_maps(const std::vector<StereoMaps>& maps,
+                                       const std::vector<View>& views);
 
 /// Fills View::maps with the `wanted` maps of core/scene/prior_maps.h, at the size of the
-/// photographs, from completed_maps(). `stereo`: maps of the same views. Keeps maps that a view
-/// already has: depth together with its order and confidence, and normals. A view without a
-/// measured pixel gets none.
-void add_stereo_priors(const std::vector<StereoMaps>& stereo,
+/// photographs, from the views' completed_maps(). Keeps maps that a view already has: depth
+/// together with its order and confidence, and normals. A view without a measured pixel gets none.
+void add_stereo_priors(const std::vector<StereoMaps>& completed,
                        const MapNames& wanted,
                        std::vector<View>& views);
 
 /// Points that stereo started from, and its maps; without maps it has not run yet.
 struct StereoStart {
     std::vector<Vec3f> points;
-    std::vector<StereoMaps> maps;  // per training view
+    std::vector<StereoMaps> maps{};  // per training view
+    bool completed = false;
+
+    void complete(const std::vector<View>& views) {
+        if (!completed) maps = completed_maps(maps, views);
+        completed = true;
+    }
 };
 
 /// Calls add_stereo_priors() for the `wanted` maps that views lack. Runs stereo if `start` has no

@@ -66,7 +66,7 @@ inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
     const InitOptions& init = options.train.init;
-    StereoStart stereo{scene.points.positions, {}};
+    StereoStart stereo{scene.points.positions};
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);

@@ -211,6 +211,7 @@ void Preparation::provide_gap_points() {
     if (!by_stereo())
         return spdlog::warn("init.gap_px fills no gaps, because stereo did not make the cloud");
     const std::size_t before = scene_.points.positions.size();
+    stereo_.complete(scene_.train);
     add_gap_points(stereo_.maps, scene_.train, sky_, spacing_px, scene_.points);
     limit_to_object(photometric_.masks, scene_.train, scene_.points);
     spdlog::info("{} points fill gaps of the start cloud",
@@ -260,7 +261,7 @@ void Preparation::provide_training(bool priors) {
 
 void Preparation::provide_resumed(const ResumePoint& point) {
     read_fixed_splats(options_, scene_);
-    stereo_ = {scene_.points.positions, {}};
+    stereo_ = {scene_.points.positions};
     restore_scene(point, scene_);
     read_sky(photometric_, point.run);
     provide_maps(device_, options_, std::move(stereo_), scene_);
