@@ -254,6 +254,7 @@ void Reconstruction::run_stage(const StageKind& kind, StageRunner& runner) {
     command.front() = program(kind);
     Words flags = a_.of_machine;
     if (&kind == &kTrain || &kind == &kMesh) flags.insert(flags.end(), {"--device", a_.device});
+    if (&kind == &kTrain) flags.emplace_back("--no-report");  // the mesh stage writes it
     command.insert(command.begin() + 1, flags.begin(), flags.end());
     const StageRunner::End end = runner.run(kind, command);
     if (end.code == 0) {

@@ -129,6 +129,9 @@ TrainArguments parse_train_arguments(int argc, char* const* argv) {
                    "stopped [5000]")
         ->check(CLI::Range(0, 1000000000))
         ->group(group);
+    app.add_flag("!--no-report", arguments.report,
+                 "leave report.html to tvsgs-extract-mesh or tvsgs-eval report")
+        ->group(group);
     app.add_option("--progress", progress, "auto, plain or json")
         ->check(CLI::IsMember({"auto", "plain", "json"}))
         ->group(group);

@@ -141,15 +141,17 @@ int train_command(int argc, char* const* argv) {
 
     // 4. The training. It gets the checkpoint's state for itself, to free it early.
     bool has_report = false;
-    const SessionInputs session{
-        .scene = resolved.scene,
-        .training = training,
-        .options = resolved.options,
-        .session = arguments.session,
-        .resume = resume,
-        .truth = truth,
-        .info = info,
-        .write_report = [&] { has_report = report_if_possible(run.path(), resolved.scene); }};
+    const SessionInputs session{.scene = resolved.scene,
+                                .training = training,
+                                .options = resolved.options,
+                                .session = arguments.session,
+                                .resume = resume,
+                                .truth = truth,
+                                .info = info,
+                                .write_report = [&] {
+                                    has_report = arguments.report &&
+                                                 report_if_possible(run.path(), resolved.scene);
+                                }};
     run_session(device, session, resume.point ? std::move(resume.point->state) : nullptr, run);
     spdlog::info("Wrote {}: {}point_cloud.ply", run.path(), has_report ? "report.html, " : "");
     say_next({"tvsgs-extract-mesh", run.path()}, "make the mesh");

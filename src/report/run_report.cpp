@@ -28,11 +28,10 @@ std::string refresh_report(const std::string& written) {
     const fs::path folder = fs::path(written).parent_path();
     const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
     std::error_code code;
-    const bool is_result =
-        (folder.filename() == "mesh" && fs::path(written).stem() == "mesh") ||
-        (folder.filename() == "eval" && fs::path(written).extension() == ".json");
-    if (!is_result || !fs::is_regular_file(fs::path(run) / "report.json", code) ||
-        !fs::is_regular_file(fs::path(run) / "config.json", code))
+    const bool is_mesh = folder.filename() == "mesh" && fs::path(written).stem() == "mesh",
+               is_score = folder.filename() == "eval" && fs::path(written).extension() == ".json" &&
+                          fs::is_regular_file(fs::path(run) / "report.json", code);
+    if (!(is_mesh || is_score) || !fs::is_regular_file(fs::path(run) / "config.json", code))
         return {};
     try {
         make_report(run);

@@ -11,8 +11,8 @@ namespace tvsgs {
 void make_report(const std::string& run, const std::string& scene = {});
 
 /// Updates the report of the run that contains the new file `written`, RUN/mesh/mesh.ply or
-/// RUN/eval/NAME.json, if RUN has a report. Warns if the report fails. Returns the run; empty: it
-/// has no report.
+/// RUN/eval/NAME.json; for the mesh, writes the report that a run lacks. Warns if the report fails.
+/// Returns the run; empty: it has no report.
 std::string refresh_report(const std::string& written);
 
 }  // namespace tvsgs

@@ -97,6 +97,7 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
     Result r = run("photos 'my out'");
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_EQ(calls(), "prepare train extract-mesh view ");
+    EXPECT_NE(text("calls.txt").find(" --no-report"), std::string::npos) << "one report is enough";
     for (const char* file : {"scene/prepare.json", "run/report.html", "run/mesh/mesh.glb",
                              "view.html", "reconstruct.log", "reconstruct.json"})
         EXPECT_TRUE(fs::exists(folder / "my out" / file)) << file;
