@@ -30,6 +30,8 @@ constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat, pixels. Without a start by stereo: of kLeastViews; twice that for each view
 // more, no limit from kFewViews on.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
+// Votes after a start by stereo: in full up to kLeastViews, none from here on.
+constexpr int kViewsWithoutVotes = 6;
 constexpr double kLargestScalePx = 1e5;  // none is larger
 // Depth jumps within a surface that a single view sees: without a covering cloud (the default of
 // mesh.single_view_jump_px), and with one for up to kLeastViews and from kFewViews on.
@@ -288,7 +290,26 @@ private:
                               std::to_string(between(o.tv.refresh_every, kRefreshEvery, covered_)),
                           weight = rounded(between(static_cast<double>(o.loss.tv_position.weight),
                                                    kPositionWeight, covered_));
-        by_cloud("votes", str("every ", every), {{"tv.vote_every", every}});
+        const int views = look_.train_views;
+        const double few = static_cast<double>(kViewsWithoutVotes - views) /
+                           static_cast<double>(kViewsWithoutVotes - kLeastViews),
+                     share = in_.supported ? between(1.0, std::clamp(few, 0.0, 1.0), covered_) : 1;
+        Settings settings{{"tv.vote_every", every}};
+        if (share < 1) {
+            if (share <= 0) settings = {{"tv.enabled", "false"}};
+            for (const auto& [key, configured] :
+                 {std::pair{"loss.tv_normal.weight", o.loss.tv_normal.weight},
+                  std::pair{"loss.tv_position.weight", o.loss.tv_position.weight}})
+                settings.emplace_back(key, rounded(share * static_cast<double>(configured)));
+        }
+        by_cloud("votes",
+                 share >= 1  ? str("every ", every)
+                 : share > 0 ? str(percent(share), " of their weight, every ", every)
+                             : "off",
+                 std::move(settings));
+        if (in_.supported)
+            by_views(str("in full up to ", kLeastViews, ", none from ", kViewsWithoutVotes, " on"));
+        if (share <= 0) return;
         if (!in_.supported)
             by_cloud("position loss", str("weight ", weight),
                      {{"loss.tv_position.weight", weight}});

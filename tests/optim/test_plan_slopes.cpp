@@ -93,7 +93,7 @@ bool names(const Settings& settings, const std::string& key) {
                        [&](const auto& setting) { return setting.first == key; });
 }
 void by_stereo(TrainingInputs& in) {
-    in.supported = true;
+    in.supported = true, in.options.loss.tv_normal.weight = 1;
 }
 
 TEST(Plan, PhotometricGradientsLeaveTheSurfaceOfStereoByDegrees) {
@@ -122,17 +122,26 @@ TEST(Plan, MoreViewsGiveTheSurfaceToPhotometricGradients) {
     };
     struct {
         int views;
-        double iterations, full, rates;
-    } const rows[] = {{2, 800, 0, 1},    {3, 1200, 0, 1},    {6, 2400, 1440, std::sqrt(3)},
-                      {9, 2500, 750, 0}, {20, 2500, 750, 0}, {32, 4000, 1200, 0}};
-    for (const auto& [views, iterations, full, rates] : rows) {
+        double iterations, full, rates, votes;  // votes: share of their weight
+    } const rows[] = {{2, 800, 0, 1, 1},
+                      {3, 1200, 0, 1, 1},
+                      {5, 2000, 1800, std::pow(3, 1 / 3.), 1 / 3.},
+                      {6, 2400, 1440, std::sqrt(3), 0},
+                      {9, 2500, 750, 0, 0},
+                      {20, 2500, 750, 0, 0},
+                      {32, 4000, 1200, 0, 0}};
+    for (const auto& [views, iterations, full, rates, votes] : rows) {
         SCOPED_TRACE(views);
         EXPECT_EQ(at(views, "iterations"), iterations);
         EXPECT_EQ(at(views, "loss.photometric.geometry"), 0);
         EXPECT_EQ(at(views, "loss.photometric.geometry_full"), full);
         EXPECT_NEAR(at(views, "lr.supported"), rates, 1e-4);
         EXPECT_EQ(at(views, "loss.multi_view_ncc.start"), 1);
-        EXPECT_EQ(at(views, "loss.tv_position.weight"), -1) << "that of the preset";
+        const Settings all = by_cloud(0.2, views, by_stereo);
+        for (const char* key : {"loss.tv_position.weight", "loss.tv_normal.weight"})
+            EXPECT_NEAR(value_of(all, key, 1), votes, 1e-4) << "1: that of the preset";
+        EXPECT_EQ(sets(all, "tv.enabled", "false"), votes == 0);
+        EXPECT_EQ(names(all, "tv.refresh_every"), votes > 0);
     }
     const Settings apart = by_cloud(0.2, 9, by_stereo, 0);
     EXPECT_EQ(value_of(apart, "loss.photometric.geometry_full", -1), 0) << "too far apart";
