@@ -82,8 +82,6 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                      "mesh the background, too, with voxels that grow outside of a ball around "
                      "the cameras' focus; --depth-max and --bbox still apply",
                      group);
-    flags.add("--weight", "mesh.weight", "weight of a pixel: unit, inv-depth2 or cos [unit]",
-              group);
     flags.add_switch("--carve", "mesh.carve",
                      "views also clear the space in front of their surface", group);
     flags.add("--min-weight", "mesh.min_weight", "least number of views that see a voxel [1]",

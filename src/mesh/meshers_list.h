@@ -72,8 +72,7 @@ void require_mesher(const std::string& name) {
                                      near.empty() ? "" : str("; did you mean '", near, "'?")));
 }
 
-/// Throws what require_mesher() throws, and Error(ExitCode::usage) for options that contradict each
-/// other.
+/// Throws what require_mesher() throws.
 template <class Device>
 std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const MesherOptions& options) {
     require_mesher<Device>(name);

@@ -228,8 +228,7 @@ TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
 }
 
 TEST_F(ExtractMesh, UnboundedWithinABudget) {
-    const std::string flags =
-        "--mesh-resolution 200 --no-preview --unbounded --weight cos --carve ";
+    const std::string flags = "--mesh-resolution 200 --no-preview --unbounded --carve ";
     const Result whole = extract(flags, "whole.ply");
     ASSERT_EQ(whole.code, 0) << whole;
     const Result parts = extract(flags + "--memory 4M", "parts.ply");
@@ -366,8 +365,6 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
         EXPECT_TRUE(r.says(says)) << flags << ": " << r;
         EXPECT_FALSE(fs::exists(folder_ / "refused.ply")) << flags;
     };
-    expect_refused("--weight cos --min-weight 2", 2, "needs --weight unit");
-    expect_refused("--weight depth", 2, "inv-depth2");
     expect_refused("--set mesh.max_scale_px=1e-6", 7, "are larger than 1e-06 pixels");
     expect_refused("--texture 4096", 2, "would be a PLY, which has no texture");
     expect_refused("--texture big", 2, "expected auto, none, or a side of 256 to 8192");
@@ -387,7 +384,6 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused(
         "--method tsfd", 2,
         "mesh.method = 'tsfd': expected one of tsdf, tetrahedra, watertight; did you mean 'tsdf'?");
-    expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");
     expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "is in the image of a view");
     expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
     expect_refused("--method watertight --memory 2K", 4, "raise --memory");
@@ -442,7 +438,6 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.holes, 0);
         EXPECT_EQ(mesh.smooth, 0);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
-        EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
         EXPECT_EQ(mesh.meshers.tsdf.single_view, SingleView::all);
     }
 }

@@ -61,8 +61,8 @@ void check_angle_and_step() {
     rules.min_cosine = 0.17f;  // 80 degrees
     CleanDepth<Device> clean;
     const DepthCounts counts = clean_depth(rendered, camera, {}, rules, clean);
-    EXPECT_EQ(counts.grazing, 2);  // 84 degrees; unknown
-    EXPECT_EQ(counts.kept, 1);
+    EXPECT_EQ(counts[DepthOutcome::grazing], 2);  // 84 degrees; unknown
+    EXPECT_EQ(counts[DepthOutcome::kept], 1);
     EXPECT_FLOAT_EQ(to_host(clean.depth)[0], 1.234f);
     EXPECT_EQ(to_host(clean.depth)[1], 0);
     EXPECT_TRUE(clean.weight.empty());
@@ -71,58 +71,53 @@ void check_angle_and_step() {
 /// The middle pixel looks straight ahead, the last one beyond 45 degrees; a frontal wall at depth
 /// 2.
 template <class Device>
-void check_reach_and_weight() {
+void check_reach() {
     RenderedImages<Device> rendered;
     copy(std::vector<float>{0, 2, 2}, rendered.depth);
     copy(std::vector<float>{0, 0, 0}, rendered.transmittance);
     copy(std::vector<Vec3f>{{0, 0, -1}, {0, 0, -1}, {0, 0, -1}}, rendered.normal);
     const Camera camera{3, 1, 1, 1, 1.5f, 0.5f, {}};
     DepthRules rules;
-    rules.depth_max = 3, rules.weighting = DepthWeighting::cosine;
+    rules.depth_max = 3;
     rules.centre = {0, 0, 1}, rules.reach = 2;
     CleanDepth<Device> clean;
     // (2, 0, 2) is at distance sqrt(5) from the centre.
-    EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean).out_of_reach, 1);
+    EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean)[DepthOutcome::out_of_reach], 1);
     EXPECT_EQ(to_host(clean.depth), (std::vector<float>{0, 2, 0}));
     rules.reach = 2.5f;
-    EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean).kept, 2);
-    EXPECT_EQ(to_host(clean.weight)[1], 1);
-    EXPECT_FLOAT_EQ(to_host(clean.weight)[2], static_cast<float>(std::sqrt(0.5)));
-    rules.weighting = DepthWeighting::inverse_depth2;
-    clean_depth(rendered, camera, {}, rules, clean);
-    EXPECT_EQ(to_host(clean.weight)[1], 0.25f);
+    EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean)[DepthOutcome::kept], 2);
 }
 
 template <class Device>
 void check_rules() {
     check_angle_and_step<Device>();
-    check_reach_and_weight<Device>();
+    check_reach<Device>();
     DepthRules rules;
     rules.depth_max = 2;
     {
         const auto [depth, counts] = cleaned<Device>({}, rules);
         EXPECT_EQ(depth, (std::vector<float>{1, 0, 0, 0, 0, 0, 1.9f, 1, 1,
                                              1}));  // exactly depth_max is dropped
-        EXPECT_EQ(counts.kept, 5);
-        EXPECT_EQ(counts.not_finite, 2);
-        EXPECT_EQ(counts.no_surface, 2);
-        EXPECT_EQ(counts.too_far, 1);
+        EXPECT_EQ(counts[DepthOutcome::kept], 5);
+        EXPECT_EQ(counts[DepthOutcome::not_finite], 2);
+        EXPECT_EQ(counts[DepthOutcome::no_surface], 2);
+        EXPECT_EQ(counts[DepthOutcome::too_far], 1);
     }
     rules.alpha_min = 0.5f;
     {
         const auto [depth, counts] =
             cleaned<Device>({127, 0, 0, 0, 0, 0, 128, 255, 255, 255}, rules);
         EXPECT_EQ(depth, (std::vector<float>{0, 0, 0, 0, 0, 0, 1.9f, 0, 1, 0}));
-        EXPECT_EQ(counts.transparent, 2);
-        EXPECT_EQ(counts.masked, 1);
-        EXPECT_EQ(counts.kept, 2);
+        EXPECT_EQ(counts[DepthOutcome::transparent], 2);
+        EXPECT_EQ(counts[DepthOutcome::masked], 1);
+        EXPECT_EQ(counts[DepthOutcome::kept], 2);
     }
     rules.alpha_min = 0, rules.has_box = true;
     rules.box_min = {-0.4f, -1, 0}, rules.box_max = {10, 10, 10};  // pixel 0 is at x = -0.45
     const auto [depth, counts] = cleaned<Device>({}, rules);
     EXPECT_EQ(depth[0], 0);
     EXPECT_EQ(depth[6], 1.9f);
-    EXPECT_EQ(counts.outside, 1);
+    EXPECT_EQ(counts[DepthOutcome::outside], 1);
 }
 
 TEST(DepthClean, EachRule) {

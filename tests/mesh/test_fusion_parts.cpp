@@ -67,8 +67,7 @@ protected:
             copy(map.depth, depth), copy(map.color, color);
             std::vector<float> weights;
             if (how.weighted)
-                for (const float d : map.depth)
-                    weights.push_back(depth_weight(DepthWeighting::inverse_depth2, d, {}, {}));
+                for (const float d : map.depth) weights.push_back(1 / (d * d));
             if (how.trust)  // in stripes, which make holes
                 for (std::size_t p = 0; p < map.depth.size(); ++p)
                     weights.push_back(p % 96 / 8 % 3 == 0 ? kDoubtedWeight : kTrustedWeight);

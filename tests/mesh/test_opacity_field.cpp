@@ -225,7 +225,7 @@ void expect_definition(const Field& field, bool masks, float near) {
     int visible = 0, hidden = 0;
     for (const View& view : field.views) {
         const std::vector<View> one{view};
-        const auto found = seen(field.gaussians, {one, masks, near, 2}, field.points);
+        const auto found = seen(field.gaussians, {one, masks, near}, field.points);
         for (std::size_t i = 0; i < found.size(); ++i) {
             const std::vector<double> light =
                 brute_light(field.gaussians, one, masks, double(near), field.points[i]);
@@ -242,13 +242,9 @@ void expect_definition(const Field& field, bool masks, float near) {
     EXPECT_GT(visible, 500);
     EXPECT_GT(hidden, 150);
     EXPECT_LT(std::count(close.begin(), close.end(), true), 60);
-    for (const int needed : {1, 2}) {
-        const auto all = seen(field.gaussians, {field.views, masks, near, needed}, field.points);
-        for (std::size_t i = 0; i < all.size(); ++i) {
-            const int wanted = views[i] > 2 ? needed : 1;
-            EXPECT_EQ(is_free(all[i], needed), clear[i] >= wanted);
-        }
-    }
+    const auto all = seen(field.gaussians, {field.views, masks, near}, field.points);
+    for (std::size_t i = 0; i < all.size(); ++i)
+        EXPECT_EQ(is_free(all[i]), clear[i] >= (views[i] > 2 ? 2 : 1));
 }
 
 TEST(OpacityField, IsTheProductOverAllSplats) {
@@ -272,7 +268,7 @@ TEST(OpacityField, SplatsBelowAPixelHideWhatIsBehind) {
         test::set_flat_splat(g, 0, {x, 0, 0}, {0, 0, 1}, 0.001, 0.0001);
         const Vec3d behind = 1.1 * Vec3d{x, 0, -3} + Vec3d{0, 0, 3};
         const std::vector<Vec3f> points{vec_cast<float>(behind), {float(x), 0, 0.1f}};
-        const auto sights = seen(g, {views, true, 0.2f, 2}, points);
+        const auto sights = seen(g, {views, true, 0.2f}, points);
         EXPECT_FALSE(is_free(sights[0], 2)) << u;
         EXPECT_TRUE(is_free(sights[1], 2)) << u;
     }
@@ -306,15 +302,15 @@ TEST(OpacityField, NoSplatsNoViewsNoPoints) {
     Gaussians<Cpu> none;
     resize(none, 0, 0);
     const std::vector<View> views = test::views_around(3, 16);
-    const Sight sight = seen(none, {views, true, 0.2f, 2}, {{0, 0, 0}})[0];
+    const Sight sight = seen(none, {views, true, 0.2f}, {{0, 0, 0}})[0];
     EXPECT_EQ(sight.views, 2);
     EXPECT_EQ(sight.clear, 2);  // and no more, because this decides
-    EXPECT_TRUE(seen(none, {views, true, 0.2f, 2}, {}).empty());
+    EXPECT_TRUE(seen(none, {views, true, 0.2f}, {}).empty());
     const std::vector<View> nobody;
     EXPECT_EQ(seen(none, {nobody, true, 0.2f, 2}, {{0, 0, 0}})[0].views, 0);
     // Non-finite points are in no image.
-    EXPECT_EQ(
-        seen(none, {views, true, 0.2f, 2}, {{std::nanf(""), 0, 0}, {INFINITY, 0, 0}})[1].views, 0);
+    EXPECT_EQ(seen(none, {views, true, 0.2f}, {{std::nanf(""), 0, 0}, {INFINITY, 0, 0}})[1].views,
+              0);
 }
 
 TEST(OpacityField, CrossingsLieWhereHalfOfTheLightGetsThrough) {
@@ -325,7 +321,7 @@ TEST(OpacityField, CrossingsLieWhereHalfOfTheLightGetsThrough) {
     const std::vector<View> views{test::view_from({0, 0, 3}, 32)};
     auto free_ends = to_device<Cpu>(std::vector<Vec3f>{{0, 0, 0.1f}});
     auto inside_ends = to_device<Cpu>(std::vector<Vec3f>{{0, 0, -0.1f}});
-    find_crossings(field_splats(g), {views, true, 0.2f, 2}, 14, free_ends, inside_ends);
+    find_crossings(field_splats(g), {views, true, 0.2f}, 14, free_ends, inside_ends);
     const double o = 1 / (1 + std::exp(-6.0)), y = std::sqrt(2 * std::log(2 * o));
     EXPECT_NEAR(free_ends[0].z, 0.01 * y, 0.2 / (1 << 15) + 3e-6);  // the depth is rounded near 3
     EXPECT_EQ(free_ends[0].z, inside_ends[0].z);
@@ -335,7 +331,7 @@ TEST(OpacityFieldTwin, SameSights) {
     if (const std::string why = test::no_cuda(); !why.empty()) GTEST_SKIP() << why;
     if constexpr (kHasCuda) {
         Field field;
-        const FieldViews views{field.views, true, 0.2f, 2};
+        const FieldViews views{field.views, true, 0.2f};
         const auto expected = seen(field.gaussians, views, field.points);
         FieldSplats<Cuda> splats;
         copy(field_splats(field.gaussians), splats);

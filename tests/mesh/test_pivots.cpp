@@ -15,12 +15,9 @@ using test::Random;
 
 std::optional<Pivots> some_pivots(const FieldSplats<Cpu>& splats,
                                   const std::vector<float>& footprints,
-                                  PivotKind kind,
                                   float grain,
                                   std::size_t most) {
-    return surface_pivots(splats,
-                          pivot_splats(splats, footprints, kind == PivotKind::pivots ? 0.5f : 0),
-                          footprints, kind, grain, most);
+    return surface_pivots(splats, pivot_splats(splats, footprints, 0.5f), footprints, grain, most);
 }
 
 TEST(Pivots, ComeOfTheMoreOpaqueHalfAtLeast) {
@@ -48,14 +45,14 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
     g.opacity_logits[1] = 0.1f;
     std::vector<View> views{test::view_from({0, 0, 3}, 100), test::view_from({0, 0, -2}, 100)};
     FieldSplats<Cpu> splats = field_splats(g);
-    const FieldViews field{views, true, 0.2f, 2};
+    const FieldViews field{views, true, 0.2f};
     DepthRules rules;
     rules.depth_max = 10;
     const auto footprints = pixel_footprints(splats, field, rules);
     EXPECT_FLOAT_EQ(footprints[0], 2.0f / 100);  // of the nearest view
     EXPECT_FLOAT_EQ(footprints[1], 2.2f / 100);
     EXPECT_EQ(footprints[2], 0);
-    auto found = some_pivots(splats, footprints, PivotKind::pivots, 1, 100);
+    auto found = some_pivots(splats, footprints, 1, 100);
     ASSERT_TRUE(found);
     ASSERT_EQ(found->size(), 4u);
     const double deviations[] = {0.05, 0.022 / 4};
@@ -70,28 +67,16 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
                   found->positions[1] - g.means[std::size_t(found->splats[1])]),
               0);
 
-    EXPECT_FALSE(some_pivots(splats, footprints, PivotKind::pivots, 1, 3));
+    EXPECT_FALSE(some_pivots(splats, footprints, 1, 3));
 
     // Smaller than a pixel: its two points are still neighbours.
     splats.scales[1] = {1e-4f, 1e-4f, 1e-5f};
-    found = some_pivots(splats, footprints, PivotKind::pivots, 1, 100);
+    found = some_pivots(splats, footprints, 1, 100);
     for (std::size_t i = 0; i < 4; ++i)
         EXPECT_NEAR(found->radii[i], found->splats[i] == 1 ? 3 * 0.022 / 4 : 0.6, 1e-3);
 
-    // As published: faint splats get points, too.
     splats.opacities[0] = 0.1f;
-    EXPECT_EQ(some_pivots(splats, footprints, PivotKind::pivots, 1, 100)->size(), 2u);
-    const auto corners = some_pivots(splats, footprints, PivotKind::corners, 0, 100);
-    ASSERT_EQ(corners->size(), 18u);
-    Vec3d mean{};
-    double farthest = 0;
-    for (std::size_t i = 0; i < 18; ++i)
-        if (corners->splats[i] == 0) {
-            const Vec3d d = vec_cast<double>(corners->positions[i] - g.means[0]);
-            mean += d / 9, farthest = std::max(farthest, norm(d));
-        }
-    EXPECT_NEAR(norm(mean), 0, 1e-6);
-    EXPECT_NEAR(farthest, 3 * std::sqrt(0.05 * 0.05 + 2 * 0.2 * 0.2), 1e-5);
+    EXPECT_EQ(some_pivots(splats, footprints, 1, 100)->size(), 2u);
 
     // Masks and boxes exclude.
     views[0].mask = views[1].mask = ImageU8(100, 100, 1, 0);
@@ -115,13 +100,13 @@ TEST(Pivots, OfACellTheFirstStays) {
         test::set_flat_splat(g, i, {0.02 * (i / 2), 1e-7 * (i % 2), 0}, {0, 0, 1}, 0.1, 0.01);
     const auto splats = field_splats(g);
     const std::vector<float> footprints(200, 0.01f);
-    const auto all = some_pivots(splats, footprints, PivotKind::pivots, 1e-9f, 1000);
+    const auto all = some_pivots(splats, footprints, 1e-9f, 1000);
     EXPECT_EQ(all->size(), 400u);
-    EXPECT_EQ(some_pivots(splats, footprints, PivotKind::pivots, 1, 1000)->size(), 200u);
-    const auto few = some_pivots(splats, footprints, PivotKind::pivots, 64, 1000);
+    EXPECT_EQ(some_pivots(splats, footprints, 1, 1000)->size(), 200u);
+    const auto few = some_pivots(splats, footprints, 64, 1000);
     EXPECT_EQ(few->size(), 32u);  // cells of 1/8 on a line of 2
     for (const float radius : few->radii) EXPECT_NEAR(radius, 0.3, 0.01);  // three deviations
-    const auto fewer = some_pivots(splats, footprints, PivotKind::pivots, 256, 1000);
+    const auto fewer = some_pivots(splats, footprints, 256, 1000);
     EXPECT_EQ(fewer->size(), 8u);
     for (const float radius : fewer->radii) EXPECT_NEAR(radius, 0.64, 0.01);  // a cell
 }
@@ -130,7 +115,7 @@ TEST(Pivots, GridKeepsPlacesAndAddsABox) {
     Gaussians<Cpu> g = test::sphere_splats(300, 1, 0.05);
     g.log_scales[7] = {9, 9, 9};  // its points are thousands of units away
     const auto splats = field_splats(g);
-    auto pivots = *some_pivots(splats, std::vector<float>(300, 0.01f), PivotKind::pivots, 1, 1000);
+    auto pivots = *some_pivots(splats, std::vector<float>(300, 0.01f), 1, 1000);
     const Pivots before = pivots;
     const auto grid = snap_to_grid(splats, {}, pivots);
     ASSERT_EQ(pivots.size(), before.size() - 2 + 8);
@@ -151,7 +136,7 @@ TEST(Pivots, GridKeepsPlacesAndAddsABox) {
     g.log_scales[7] = g.log_scales[8];
     for (int i = 0; i < 100; ++i) g.means[std::size_t(i)] = 50.0f * g.means[std::size_t(i)];
     const auto wide = field_splats(g);
-    pivots = *some_pivots(wide, std::vector<float>(300, 0.01f), PivotKind::pivots, 1, 1000);
+    pivots = *some_pivots(wide, std::vector<float>(300, 0.01f), 1, 1000);
     const Pivots far = pivots;
     const auto contracted = snap_to_grid(wide, {{0, 0, 0}, 1.5}, pivots);
     ASSERT_EQ(contracted.size(), far.size() + 8);

@@ -246,15 +246,6 @@ TEST(TetrahedraMesher, SphereIsClosedAndExact) {
     }
 }
 
-TEST(TetrahedraMesher, SphereOfPublishedPoints) {
-    TetrahedraMesherOptions options;
-    options.points = PivotKind::corners, options.views = 1;
-    const int count = 400;
-    const ExtractedMesh found =
-        extract(test::sphere_splats(count, 1, 0.05), test::views_around(14, 48), options);
-    expect_sphere(found.mesh, 2 / std::sqrt(count), 0.25);
-}
-
 TEST(TetrahedraMesher, SphereWithFilter) {
     const int count = 800;
     Gaussians<Cpu> g = test::sphere_splats(count, 1, 1e-4);

@@ -169,14 +169,6 @@ TEST(Carving, ClearsWhatOtherViewsSeeThrough) {
 }
 
 TEST(Weights, ByHand) {
-    EXPECT_EQ(depth_weight(DepthWeighting::unit, 4, {}, {}), 1);
-    EXPECT_EQ(depth_weight(DepthWeighting::inverse_depth2, 4, {}, {}), 1.0f / 16);
-    // A ray at 45 degrees on a frontal wall, from behind it, and without a normal.
-    const Vec3f ray{1, 0, 1};
-    EXPECT_NEAR(depth_weight(DepthWeighting::cosine, 4, ray, {0, 0, -0.3f}), std::sqrt(0.5), 1e-7);
-    EXPECT_EQ(depth_weight(DepthWeighting::cosine, 4, ray, {0, 0, 1}), 0);
-    EXPECT_EQ(depth_weight(DepthWeighting::cosine, 4, ray, {0, 0, 0}), 0);
-
     Voxel voxel;
     fuse(voxel, 1, {1, 0, 0}, 0.75f);
     fuse(voxel, -1, {0, 1, 0}, 0.25f);

@@ -12,7 +12,7 @@ namespace tvsgs {
 PoissonLevel::PoissonLevel(float spacing_of_nodes, std::vector<std::uint64_t> block_keys)
     : spacing(spacing_of_nodes), keys(std::move(block_keys)), neighbours(keys.size() * 27) {
     parallel_for(Cpu{}, size(), [&](int b) {
-        const Vec3i block = block_of_key(keys[static_cast<std::size_t>(b)]);
+        const Vec3i block = block_of_key(keys[b]);
         for (int i = 0; i < 27; ++i)
             neighbours[static_cast<std::size_t>(b) * 27 + static_cast<std::size_t>(i)] =
                 find(block + Vec3i{i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1});
@@ -52,10 +52,10 @@ void add_parents(const std::vector<std::uint64_t>& fine, std::vector<std::uint64
 }
 
 const float* LevelReader::find(int level, Vec3i node) {
-    const PoissonLevel& from = levels_[static_cast<std::size_t>(level)];
-    int& last = blocks_[static_cast<std::size_t>(level)];
+    const PoissonLevel& from = levels_[level];
+    int& last = blocks_[level];
     const std::uint64_t key = block_key(block_of_node(node));
-    if (last >= from.size() || from.keys[static_cast<std::size_t>(last)] != key) {
+    if (last >= from.size() || from.keys[last] != key) {
         const int found = find_key({from.keys.data(), from.keys.size()}, key);
         if (found < 0) return nullptr;
         last = found;

@@ -28,13 +28,11 @@ PointBins::PointBins(const OrientedPoints& points, const PoissonLevel& level)
     order.resize(static_cast<std::size_t>(first.back()));
     std::vector<int> next(first.begin(), first.end() - 1);
     for (std::size_t i = 0; i < block.size(); ++i)
-        if (block[i] >= 0)
-            order[static_cast<std::size_t>(next[static_cast<std::size_t>(block[i])]++)] =
-                static_cast<int>(i);
+        if (block[i] >= 0) order[next[block[i]]++] = static_cast<int>(i);
     hats.resize(order.size());
     parallel_for(Cpu{}, static_cast<int>(order.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
-        hats[at] = Hat(points.positions[static_cast<std::size_t>(order[at])], level.spacing);
+        hats[at] = Hat(points.positions[order[at]], level.spacing);
     });
 }
 
@@ -42,7 +40,7 @@ Densities measure_densities(const OrientedPoints& points, const std::vector<floa
     Densities found{std::vector<float>(points.size()), std::vector<int>(points.size(), -1)};
     std::size_t left = points.size();
     for (int l = static_cast<int>(spacings.size()) - 1; l >= 0 && left > 0; --l) {
-        const float spacing = spacings[static_cast<std::size_t>(l)];
+        const float spacing = spacings[l];
         PoissonLevel level(spacing,
                            blocks_near(points, spacing, 0, [](std::size_t) { return true; }));
         level.values.resize(level.keys.size() * kBlockVoxels);

@@ -53,7 +53,7 @@ std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
         std::vector<int> crossed(frontier.size());
         parallel_for_heavy(Cpu{}, static_cast<int>(frontier.size()), [&](int i) {
             LevelReader reader(field.levels, last);
-            const Vec3i origin = kBlockEdge * block_of_key(frontier[static_cast<std::size_t>(i)]);
+            const Vec3i origin = kBlockEdge * block_of_key(frontier[i]);
             Around around;
             std::size_t place = 0;
             Vec3i p;
@@ -61,7 +61,7 @@ std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
                 for (p.y = -1; p.y <= kBlockEdge; ++p.y)
                     for (p.x = -1; p.x <= kBlockEdge; ++p.x)
                         around.inside[place++] = reader.at(origin + p, kOutsideValue) > 0;
-            crossed[static_cast<std::size_t>(i)] = crossed_neighbours(around);
+            crossed[i] = crossed_neighbours(around);
         });
         std::vector<std::uint64_t> touched, next;
         for (std::size_t i = 0; i < frontier.size(); ++i)
@@ -94,9 +94,9 @@ VoxelBlocks<Cpu> voxels_of(const PoissonField& field, const std::vector<std::uin
     reserve_places(blocks, static_cast<int>(keys.size()));
     const auto chunks = std::as_const(blocks.chunk_table).span();
     parallel_for_heavy(Cpu{}, blocks.size(), [&](int b) {
-        blocks.places[static_cast<std::size_t>(b)] = b;
+        blocks.places[b] = b;
         LevelReader reader(field.levels, static_cast<int>(field.levels.size()) - 1);
-        const Vec3i origin = kBlockEdge * block_of_key(keys[static_cast<std::size_t>(b)]);
+        const Vec3i origin = kBlockEdge * block_of_key(keys[b]);
         for (int i = 0; i < kBlockVoxels; ++i) {
             const float value = reader.at(origin + local_of_index(i), kOutsideValue);
             voxel_at(chunks, b, i) = {

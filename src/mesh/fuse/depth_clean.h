@@ -1,11 +1,12 @@
 // Drops pixels of a rendered depth map that should not be fused.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "core/device/buffer.h"
+#include "mesh/fuse/depth_view.h"
 #include "mesh/fuse/pixel_trust.h"
-#include "mesh/fuse/tsdf_math.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
@@ -19,9 +20,7 @@ struct DepthRules {
     Vec3f box_min, box_max;  // surface points outside are dropped
     float reach = 0;         // of a contracted volume, from its centre; 0: any
     Vec3f centre;
-    DepthWeighting weighting = DepthWeighting::unit;
-    // Compute the weights of mesh/fuse/pixel_trust.h; needs DepthWeighting::unit.
-    bool trust = false;
+    bool trust = false;       // compute the weights of mesh/fuse/pixel_trust.h
     float jump_px = kJumpPx;  // largest depth jump beside a trusted pixel
 
     /// True if there is no box. NaN is outside.
@@ -33,35 +32,40 @@ struct DepthRules {
     }
 };
 
-/// Number of pixels by the first rule that drops them.
-struct DepthCounts {
-    std::int64_t kept = 0, not_finite = 0, no_surface = 0, too_far = 0, transparent = 0, masked = 0,
-                 grazing = 0, outside = 0, out_of_reach = 0;
+/// The first rule that drops a pixel.
+enum class DepthOutcome : std::uint8_t {
+    kept,
+    not_finite,
+    no_surface,
+    too_far,
+    transparent,
+    masked,
+    grazing,
+    outside,
+    out_of_reach
 };
-DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b);
+
+/// Number of pixels by outcome.
+struct DepthCounts {
+    std::array<std::int64_t, 9> of{};
+    std::int64_t operator[](DepthOutcome o) const { return of[static_cast<std::size_t>(o)]; }
+};
 
 /// The depth map of a view, ready for fusion.
 template <class Device>
 struct CleanDepth {
     Buffer<float, Device> depth;            // [H W] 0: dropped
     Buffer<float, Device> weight;           // [H W]; empty: 1
-    Buffer<std::uint8_t, Device> outcomes;  // [H W] the rule that dropped the pixel
+    Buffer<DepthOutcome, Device> outcomes;  // [H W]
 };
 
 /// Applies the rules to a rendered depth map; `clean` is resized and overwritten. `mask` ([H W],
 /// 255 = object) may be empty.
-DepthCounts clean_depth(const RenderedImages<Cpu>& rendered,
+template <class Device>
+DepthCounts clean_depth(const RenderedImages<Device>& rendered,
                         const Camera& camera,
                         Span<const std::uint8_t> mask,
                         const DepthRules& rules,
-                        CleanDepth<Cpu>& clean);
-DepthCounts clean_depth(const RenderedImages<Cuda>& rendered,
-                        const Camera& camera,
-                        Span<const std::uint8_t> mask,
-                        const DepthRules& rules,
-                        CleanDepth<Cuda>& clean);
-
-/// Counts the entries of CleanDepth::outcomes.
-DepthCounts count_outcomes(const std::vector<std::uint8_t>& outcomes);
+                        CleanDepth<Device>& clean);
 
 }  // namespace tvsgs

@@ -7,26 +7,14 @@
 
 namespace tvsgs {
 
-enum class DepthOutcome : std::uint8_t {
-    kept,
-    not_finite,
-    no_surface,
-    too_far,
-    transparent,
-    masked,
-    grazing,
-    outside,
-    out_of_reach
-};
-
 struct CleanDepthBody {
     Camera camera;
     DepthRules rules;
     Span<const float> rendered_depth, transmittance;
     Span<const Vec3f> normals;
     Span<const std::uint8_t> mask;
-    Span<float> depth, weight;  // weight may be empty
-    Span<std::uint8_t> outcomes;
+    Span<float> depth;
+    Span<DepthOutcome> outcomes;
 
     TVSGS_HD DepthOutcome outcome(int i) const {
         const float d = rendered_depth[i];
@@ -49,38 +37,35 @@ struct CleanDepthBody {
         return DepthOutcome::kept;
     }
     TVSGS_HD void operator()(int i) const {
-        const DepthOutcome result = outcome(i);
-        outcomes[i] = static_cast<std::uint8_t>(result);
-        float kept = result == DepthOutcome::kept ? rendered_depth[i] : 0;
+        outcomes[i] = outcome(i);
+        float kept = outcomes[i] == DepthOutcome::kept ? rendered_depth[i] : 0;
         if (rules.depth_step > 0) kept = std::floor(kept / rules.depth_step) * rules.depth_step;
         depth[i] = kept;
-        if (!weight.empty())
-            weight[i] = depth_weight(rules.weighting, kept,
-                                     pixel_ray(camera, i % camera.width_px, i / camera.width_px),
-                                     normals[i]);
     }
 };
 
 template <class Device>
-DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
-                           const Camera& camera,
-                           Span<const std::uint8_t> mask,
-                           const DepthRules& rules,
-                           CleanDepth<Device>& clean) {
+DepthCounts clean_depth(const RenderedImages<Device>& rendered,
+                        const Camera& camera,
+                        Span<const std::uint8_t> mask,
+                        const DepthRules& rules,
+                        CleanDepth<Device>& clean) {
     const std::size_t pixels = rendered.depth.size();
     clean.depth.resize(pixels), clean.outcomes.resize(pixels);
-    const bool weighted = rules.weighting != DepthWeighting::unit || rules.trust;
-    clean.weight.resize(weighted ? pixels : 0);
-    parallel_for(Device{}, static_cast<int>(pixels),
-                 CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
-                                rendered.normal.span(), mask, clean.depth.span(),
-                                clean.weight.span(), clean.outcomes.span()});
+    clean.weight.resize(rules.trust ? pixels : 0);
+    parallel_for(
+        Device{}, static_cast<int>(pixels),
+        CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
+                       rendered.normal.span(), mask, clean.depth.span(), clean.outcomes.span()});
     if (rules.trust)
         parallel_for(
             Device{}, static_cast<int>(pixels),
             PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
                            rendered.normal.span(), clean.weight.span(), rules.jump_px});
-    return count_outcomes(to_host(clean.outcomes));
+    DepthCounts counts;
+    for (const DepthOutcome outcome : to_host(clean.outcomes))
+        ++counts.of[static_cast<std::size_t>(outcome)];
+    return counts;
 }
 
 }  // namespace tvsgs

@@ -28,18 +28,19 @@ namespace {
 
 /// "12 without a surface, 3 outside of the masks": the dropped pixels by reason.
 std::string dropped_pixels(const DepthCounts& counts, const DepthRules& rules) {
+    const std::string reasons[] = {"fused",
+                                   "not finite",
+                                   "without a surface",
+                                   str("at depth ", rules.depth_max, " or more"),
+                                   str("with coverage below ", rules.alpha_min),
+                                   "outside of the masks",
+                                   "at too flat an angle",
+                                   "outside of --bbox",
+                                   str("at ", rules.reach, " units or more from the object")};
     std::string text;
-    const auto add = [&](std::int64_t pixels, const auto&... reason) {
-        if (pixels > 0) text += str(text.empty() ? "" : ", ", grouped(pixels), " ", reason...);
-    };
-    add(counts.not_finite, "not finite");
-    add(counts.no_surface, "without a surface");
-    add(counts.too_far, "at depth ", rules.depth_max, " or more");
-    add(counts.transparent, "with coverage below ", rules.alpha_min);
-    add(counts.masked, "outside of the masks");
-    add(counts.grazing, "at too flat an angle");
-    add(counts.outside, "outside of --bbox");
-    add(counts.out_of_reach, "at ", rules.reach, " units or more from the object");
+    for (std::size_t k = 1; k < counts.of.size(); ++k)
+        if (counts.of[k] > 0)
+            text += str(text.empty() ? "" : ", ", grouped(counts.of[k]), " ", reasons[k]);
     return text;
 }
 
@@ -49,14 +50,14 @@ namespace detail {
 
 void log_pixel_counts(const DepthCounts& counts, const DepthRules& rules) {
     const std::string dropped = dropped_pixels(counts, rules);
-    spdlog::debug("Depth pixels: {} fused{}", grouped(counts.kept),
+    spdlog::debug("Depth pixels: {} fused{}", grouped(counts[DepthOutcome::kept]),
                   dropped.empty() ? "" : "; dropped: " + dropped);
 }
 
 std::string why_none_passed(const DepthCounts& counts,
                             const DepthRules& rules,
                             double median_depth) {
-    if (counts.kept > 0) return {};
+    if (counts[DepthOutcome::kept] > 0) return {};
     return fmt::format(
         "all depth pixels were dropped: {} (the median depth of the last view is {:.4g}); raise "
         "--depth-max, lower --alpha-min, or check the masks (--no-masks) and --bbox",

@@ -53,20 +53,19 @@ public:
 
     /// [H W] 255: object; empty: everything.
     std::vector<std::uint8_t> mask(int i) const {
-        return masks_ ? views_[static_cast<std::size_t>(i)].mask.pixels.to_vector()
-                      : std::vector<std::uint8_t>();
+        return masks_ ? views_[i].mask.pixels.to_vector() : std::vector<std::uint8_t>();
     }
 
     /// Renders view i; valid until the next call, or another render by the backbone.
     DepthView<Device> view(int i) {
-        const View& view = views_[static_cast<std::size_t>(i)];
-        DepthCounts& count = counts_[static_cast<std::size_t>(i)];
+        const View& view = views_[i];
+        DepthCounts& count = counts_[i];
         const auto& rendered = backbone_.forward(gaussians_, view.camera, gaussians_.sh_degree,
                                                  Maps::color | kGeometryMaps);
         const Camera& camera = rendered.camera;  // of the depths
         copy(mask(i), mask_);
         count = clean_depth(rendered, camera, std::as_const(mask_).span(), rules_, clean_);
-        if (count.kept == 0) median_ = median_depth(to_host(rendered.depth));
+        if (count[DepthOutcome::kept] == 0) median_ = median_depth(to_host(rendered.depth));
         return {camera, std::as_const(clean_.depth).span(), rendered.color.span(),
                 std::as_const(clean_.weight).span(), rendered.normal.span()};
     }
@@ -78,7 +77,7 @@ public:
     std::vector<float> weight_on_host() const { return to_host(clean_.weight); }
 
     /// Pixel counts of a rendered view.
-    const DepthCounts& counts(int i) const { return counts_[static_cast<std::size_t>(i)]; }
+    const DepthCounts& counts(int i) const { return counts_[i]; }
 
     /// Logs how many pixels were dropped, and why.
     void log_pixel_counts() const { detail::log_pixel_counts(total(), rules_); }
@@ -91,7 +90,8 @@ public:
 private:
     DepthCounts total() const {
         DepthCounts total;
-        for (const DepthCounts& count : counts_) total += count;
+        for (const DepthCounts& count : counts_)
+            for (std::size_t k = 0; k < count.of.size(); ++k) total.of[k] += count.of[k];
         return total;
     }
 
@@ -111,7 +111,7 @@ private:
 /// from now on.
 template <class Device>
 EvidenceSource evidence_of(DepthViews<Device>& depth) {
-    depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;
+    depth.rules().trust = true;
     return {depth.size(), [&depth](int i) -> EvidenceView {
                 const Camera camera = depth.view(i).camera;
                 return {camera, depth.depth_on_host(), depth.weight_on_host(), depth.mask(i)};

@@ -1,19 +1,8 @@
 #include "mesh/fuse/marching_cubes_impl.h"
 
 namespace tvsgs {
-
-TriangleMesh marching_cubes(const VoxelBlocks<Cpu>& blocks, float min_weight) {
-    return detail::marching_cubes_on(blocks, min_weight, 0, blocks.size(), nullptr);
-}
-
-MeshPart marching_cubes_part(const VoxelBlocks<Cpu>& blocks,
-                             float min_weight,
-                             int first,
-                             int count) {
-    MeshPart part;
-    part.mesh = detail::marching_cubes_on(blocks, min_weight, first, count, &part);
-    return part;
-}
+template TriangleMesh marching_cubes(const VoxelBlocks<Cpu>&, float);
+template MeshPart marching_cubes_part(const VoxelBlocks<Cpu>&, float, int, int);
 
 void throw_mesh_too_large(std::uint64_t vertices, std::uint64_t faces) {
     throw Error(ExitCode::memory,

@@ -13,8 +13,8 @@ namespace tvsgs {
 /// `min_weight` (and > 0): one vertex per crossed edge, faces oriented towards free space. Vertices
 /// and faces come in the order of the blocks' keys, x-fastest within a block; equal volumes give
 /// equal meshes on both devices. Throws Error(ExitCode::memory) if there is no room. [Lorensen87]
-TriangleMesh marching_cubes(const VoxelBlocks<Cpu>& blocks, float min_weight = 1);
-TriangleMesh marching_cubes(const VoxelBlocks<Cuda>& blocks, float min_weight = 1);
+template <class Device>
+TriangleMesh marching_cubes(const VoxelBlocks<Device>& blocks, float min_weight = 1);
 
 inline constexpr int kBlockEdges = 3 * kBlockVoxels;  // of a block: axis a of voxel v is 3 * v + a
 
@@ -28,11 +28,8 @@ struct MeshPart {
 };
 
 /// Vertices and faces of blocks [first, first + count); their neighbour blocks must be present.
-MeshPart marching_cubes_part(const VoxelBlocks<Cpu>& blocks,
-                             float min_weight,
-                             int first,
-                             int count);
-MeshPart marching_cubes_part(const VoxelBlocks<Cuda>& blocks,
+template <class Device>
+MeshPart marching_cubes_part(const VoxelBlocks<Device>& blocks,
                              float min_weight,
                              int first,
                              int count);

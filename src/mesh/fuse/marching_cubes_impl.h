@@ -237,4 +237,20 @@ TriangleMesh marching_cubes_on(
 }
 
 }  // namespace detail
+
+template <class Device>
+TriangleMesh marching_cubes(const VoxelBlocks<Device>& blocks, float min_weight) {
+    return detail::marching_cubes_on(blocks, min_weight, 0, blocks.size(), nullptr);
+}
+
+template <class Device>
+MeshPart marching_cubes_part(const VoxelBlocks<Device>& blocks,
+                             float min_weight,
+                             int first,
+                             int count) {
+    MeshPart part;
+    part.mesh = detail::marching_cubes_on(blocks, min_weight, first, count, &part);
+    return part;
+}
+
 }  // namespace tvsgs

@@ -74,7 +74,7 @@ void MeshJoiner::add(const BlockPart& part, const MeshPart& piece) {
                 corner += static_cast<int>(base);
                 continue;
             }
-            const std::uint64_t key = part.keys[static_cast<std::size_t>(~corner / kBlockEdges)];
+            const std::uint64_t key = part.keys[~corner / kBlockEdges];
             const auto block = std::lower_bound(keys_.begin(), keys_.end(), key) - keys_.begin();
             pending_.push_back({3 * f + static_cast<std::size_t>(k),
                                 static_cast<std::size_t>(block),

@@ -8,27 +8,16 @@
 
 namespace tvsgs::detail {
 
-void check_tsdf_options(const TsdfMesherOptions& options) {
-    if (options.min_weight > 1 && options.weight != DepthWeighting::unit)
-        throw Error(ExitCode::usage,
-                    str("--min-weight ", options.min_weight,
-                        " counts views, so it needs --weight unit; pass that, or --min-weight 1"));
-}
-
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         const std::vector<View>& views,
                         const MeshRegion& region,
                         std::int64_t max_bytes,
                         DepthRules& rules) {
-    rules.weighting = options.weight;
     TsdfOptions volume;
     volume.carve = options.carve;
-    volume.trust = options.single_view == SingleView::trusted && options.min_weight == 1 &&
-                   options.weight == DepthWeighting::unit;
+    volume.trust = options.single_view == SingleView::trusted && options.min_weight == 1;
     rules.trust = volume.trust;
     rules.jump_px = options.single_view_jump_px;
-    if (!volume.trust && options.single_view == SingleView::trusted && options.min_weight == 1)
-        spdlog::debug("Surface that a single view sees is kept, because mesh.weight is not unit");
     const auto size = [&](float pixels) {
         return voxel_size(options.voxel_size, options.resolution,
                           region.unbounded ? 2 * region.radius : rules.depth_max, views, pixels);
@@ -60,7 +49,7 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
     if (volume.contraction.is_on())  // contraction moves far pixels closer together
         for (int i = 0; i < static_cast<int>(depths.size()); ++i) {
-            float& d = depths[static_cast<std::size_t>(i)];
+            float& d = depths[i];
             d /= volume.contraction.growth(
                 unproject(camera, i % camera.width_px, i / camera.width_px, d));
         }

@@ -17,7 +17,6 @@ struct TsdfMesherOptions {
     float voxel_size = 0, voxel_scale = 1, truncation = 0, truncation_voxels = 4;
     int resolution = 0, min_weight = 1;
     bool carve = false;
-    DepthWeighting weight = DepthWeighting::unit;
     SingleView single_view = SingleView::trusted;
     float single_view_jump_px = kJumpPx;
 
@@ -34,16 +33,11 @@ struct TsdfMesherOptions {
         field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
         field("truncation_voxels", truncation_voxels, {1, 1000},
               "truncation in voxels of voxel_scale 1");
-        field.choice(
-            "weight", weight, {"unit", "inv-depth2", "cos"},
-            "weight of a pixel in the means: 1, 1 / depth^2, or cosine between ray and normal");
         field("carve", carve, "views also clear the space in front of their surface");
-        field("min_weight", min_weight, {1, 65535},
-              "least number of views that see a voxel; above 1 needs weight unit");
+        field("min_weight", min_weight, {1, 65535}, "least number of views that see a voxel");
         field.choice("single_view", single_view, {"trusted", "all"},
                      "surface that a single view sees: keep the smooth parts, away from edges and "
-                     "outside of other views' free space, or all; trusted needs weight unit and "
-                     "min_weight 1");
+                     "outside of other views' free space, or all; trusted needs min_weight 1");
         field("single_view_jump_px", single_view_jump_px, {0.01, 1000},
               "limit of a depth jump within trusted surface of a single view, in pixel widths");
     }
@@ -51,10 +45,7 @@ struct TsdfMesherOptions {
 
 namespace detail {
 
-/// Throws Error(ExitCode::usage) for options that contradict each other.
-void check_tsdf_options(const TsdfMesherOptions& options);
-
-/// The volume for `views`; sets the weighting and the reach of `rules`.
+/// The volume for `views`; sets the trust and the reach of `rules`.
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         const std::vector<View>& views,
                         const MeshRegion& region,
@@ -69,9 +60,7 @@ void log_volume(const FusionReport& fusion);
 template <class Device>
 class TsdfMesher final : public Mesher<Device> {
 public:
-    explicit TsdfMesher(const TsdfMesherOptions& options) : options_(options) {
-        detail::check_tsdf_options(options);
-    }
+    explicit TsdfMesher(const TsdfMesherOptions& options) : options_(options) {}
 
     bool is_rough() const override { return true; }
 
@@ -84,18 +73,17 @@ public:
         const auto source = [&](int i) {
             progress.advance();
             const DepthView<Device> view = in.depth.view(i);
-            if (!checked && in.depth.counts(i).kept > 0) {
+            if (!checked && in.depth.counts(i)[DepthOutcome::kept] > 0) {
                 detail::check_truncation(view.camera, in.depth.depth_on_host(), volume);
                 checked = true;
             }
             return view;
         };
-        const bool counted = options_.weight == DepthWeighting::unit;
         FusionReport fusion;
         ExtractedMesh found;
-        found.mesh = fuse_views<Device>(in.depth.size(), source, volume,
-                                        counted ? static_cast<float>(options_.min_weight) : 0,
-                                        in.spill_folder, fusion);
+        found.mesh =
+            fuse_views<Device>(in.depth.size(), source, volume,
+                               static_cast<float>(options_.min_weight), in.spill_folder, fusion);
         in.depth.log_pixel_counts();
         detail::log_volume(fusion);
         found.why_empty = in.depth.why_none_passed();

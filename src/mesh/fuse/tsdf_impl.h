@@ -248,7 +248,7 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
                             depth.size() * sizeof(float));
         for (int i = 0; i < pixels; ++i) {
             const int x = i % camera.width_px, y = i / camera.width_px;
-            const float d = depth[static_cast<std::size_t>(i)];
+            const float d = depth[i];
             if (blocks_of_pixel(camera, x, y, d, space).too_far)
                 throw Error(ExitCode::input,
                             str("pixel (", x, ", ", y, ") has depth ", d, ", which lies more than ",

@@ -133,7 +133,7 @@ TVSGS_HD inline Observation observe(const Camera& camera,
     if (!(v >= kMargin && v < static_cast<float>(camera.height_px) - kMargin)) return {};
     const int x = static_cast<int>(u), y = static_cast<int>(v);
     const int pixel = y * camera.width_px + x;
-    const float d = depth[static_cast<std::size_t>(pixel)];
+    const float d = depth[pixel];
     if (!(d > 0)) return {};
     const float distance = (d - p.z) * norm(pixel_ray(camera, x, y));
     float truncation = space.truncation;
@@ -143,17 +143,6 @@ TVSGS_HD inline Observation observe(const Camera& camera,
     if (!(distance > -truncation)) return {};
     const float tsdf = distance / truncation;
     return {true, pixel, tsdf < 1 ? tsdf : 1};
-}
-
-enum class DepthWeighting { unit, inverse_depth2, cosine };
-
-/// Weight of a pixel's depth in the means. By cosine: 0 if there is no normal or it faces away.
-///   ray   of the pixel, normal   facing the camera, both in the camera frame, of any length
-TVSGS_HD inline float depth_weight(DepthWeighting by, float depth, Vec3f ray, Vec3f normal) {
-    if (by == DepthWeighting::inverse_depth2) return 1 / (depth * depth);
-    if (by == DepthWeighting::unit) return 1;
-    const float cosine = -dot(ray, normal) / (norm(ray) * norm(normal));
-    return cosine > 0 ? cosine : 0;
 }
 
 /// Updates the running means.

@@ -38,7 +38,7 @@ public:
     }
 
 private:
-    std::atomic_ref<int> of(int i) { return std::atomic_ref(parent_[std::size_t(i)]); }
+    std::atomic_ref<int> of(int i) { return std::atomic_ref(parent_[i]); }
     int get(int i) { return of(i).load(std::memory_order_relaxed); }
 
     std::vector<int> parent_;

@@ -59,8 +59,8 @@ SpatialOrder spatial_order(const std::vector<Vec3f>& points) {
     for (int axis = 0; axis < 3; ++axis) {
         float high = -kFar;
         for (int c = 0; c < kListParts; ++c) {
-            low[axis] = std::min(low[axis], lows[std::size_t(c)][axis]);
-            high = std::max(high, highs[std::size_t(c)][axis]);
+            low[axis] = std::min(low[axis], lows[c][axis]);
+            high = std::max(high, highs[c][axis]);
         }
         extent = std::max(extent, high - low[axis]);
     }
@@ -70,11 +70,11 @@ SpatialOrder spatial_order(const std::vector<Vec3f>& points) {
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
         std::uint32_t key = 0;
         for (int axis = 0; axis < 3; ++axis) {
-            const float cell = scale * (points[std::size_t(i)][axis] - low[axis]);
+            const float cell = scale * (points[i][axis] - low[axis]);
             const auto bits = static_cast<std::uint64_t>(cell < kCells - 1 ? cell : kCells - 1);
             key |= static_cast<std::uint32_t>(spread_bits(bits)) << axis;
         }
-        keyed[std::size_t(i)] = {key, i};
+        keyed[i] = {key, i};
     });
     for (int shift = 0; shift < 3 * kAxisBits; shift += kDigitBits) {
         sort_digit(keyed, shift, other);

@@ -79,15 +79,14 @@ Patch texture_of(const Camera& camera, const ImageU8& grey, const PatchFrame& fr
             if (!(p.z > 0)) return {};
             const float value = grey_at(grey, camera.fx_px * p.x / p.z + camera.cx_px,
                                         camera.fy_px * p.y / p.z + camera.cy_px);
-            patch[static_cast<std::size_t>(k)] = value;
+            patch[k] = value;
             sum += value, along_x += a * value, along_y += b * value, squares += a * a;
         }
     const float mean = sum / (kSide * kSide);
     for (int j = -kRadius, k = 0; j <= kRadius; ++j)
         for (int i = -kRadius; i <= kRadius; ++i, ++k)
-            patch[static_cast<std::size_t>(k)] -=
-                mean +
-                (static_cast<float>(i) * along_x + static_cast<float>(j) * along_y) / squares;
+            patch[k] -= mean + (static_cast<float>(i) * along_x + static_cast<float>(j) * along_y) /
+                                   squares;
     const float length = std::sqrt(dot(patch, patch));
     if (!(length > 1e-2f)) return {};  // rounding, far below one grey level
     for (float& value : patch) value /= length;
@@ -108,13 +107,13 @@ std::vector<Agreement> compare_views(const EvidenceSource& source,
     std::vector<Agreement> found(samples.size());
     std::vector<PatchFrame> frames(samples.size());
     parallel_for(Cpu{}, static_cast<int>(samples.size()),
-                 [&](int s) { frames[std::size_t(s)] = frame_of(views, samples[std::size_t(s)]); });
+                 [&](int s) { frames[s] = frame_of(views, samples[s]); });
     const SampleRuns runs(samples);
     Progress progress("check against photographs", 2.0 * source.count);
     for (const bool compares : {false, true})
         for (int i = 0; i < source.count; ++i) {
             progress.advance();
-            const View& own = views[static_cast<std::size_t>(i)];
+            const View& own = views[i];
             if (own.photo.empty()) continue;
             const EvidenceView view = source.view(i);
             const ImageU8 grey = grey_of(own.photo);
@@ -153,23 +152,23 @@ std::vector<float> averaged(const TriangleMesh& mesh, std::vector<Vec2f> sum_and
     const int vertices = static_cast<int>(next.size());
     for (int step = 0; step < kSteps; ++step) {
         parallel_for(Cpu{}, vertices, [&](int v) {
-            Vec2f sum = sum_and_weight[std::size_t(v)];
+            Vec2f sum = sum_and_weight[v];
             float count = 1;
             corners.for_each(v, [&](std::uint32_t f, int k) {
                 for (const int other : {(k + 1) % 3, (k + 2) % 3}) {
-                    const Vec2f near = sum_and_weight[std::size_t(mesh.faces[f][other])];
+                    const Vec2f near = sum_and_weight[mesh.faces[f][other]];
                     sum = {sum.x + 0.5f * near.x, sum.y + 0.5f * near.y};
                 }
                 ++count;
             });
-            next[std::size_t(v)] = {sum.x / count, sum.y / count};
+            next[v] = {sum.x / count, sum.y / count};
         });
         next.swap(sum_and_weight);
     }
     std::vector<float> mean(next.size());
     parallel_for(Cpu{}, vertices, [&](int v) {
-        const Vec2f at = sum_and_weight[std::size_t(v)];
-        mean[std::size_t(v)] = at.y > 1e-6f ? at.x / at.y : -1;
+        const Vec2f at = sum_and_weight[v];
+        mean[v] = at.y > 1e-6f ? at.x / at.y : -1;
     });
     return mean;
 }
@@ -196,7 +195,7 @@ void keep_enclosed(const TriangleMesh& mesh,
         if (keep[f]) continue;
         const Vec3i face = mesh.faces[f];
         const Vec3f a = mesh.vertices[face.x];
-        Border& border = borders[static_cast<std::size_t>(component[r++])];
+        Border& border = borders[component[r++]];
         if (border.pixel == 0) border.pixel = static_cast<double>(pixel_length(cameras, a));
         border.area += 0.5 * static_cast<double>(
                                  norm(cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a)));
@@ -213,7 +212,7 @@ void keep_enclosed(const TriangleMesh& mesh,
     }
     for (std::size_t f = 0, r = 0; f < keep.size(); ++f) {
         if (keep[f]) continue;
-        const Border& b = borders[static_cast<std::size_t>(component[r++])];
+        const Border& b = borders[component[r++]];
         keep[f] = b.kept > 0 && b.kept >= kMinEnclosed * b.open &&
                   b.area <= kMaxBounded * b.pixel * b.pixel;
     }

@@ -54,11 +54,9 @@ std::size_t number_components(DisjointSets& sets,
     const std::vector<int> firsts = indices_where(keep.size(), [&](std::size_t f) {
         return keep[f] && sets.find(static_cast<int>(f)) == static_cast<int>(f);
     });
-    parallel_for(Cpu{}, static_cast<int>(firsts.size()),
-                 [&](int c) { component[std::size_t(firsts[std::size_t(c)])] = c; });
+    parallel_for(Cpu{}, static_cast<int>(firsts.size()), [&](int c) { component[firsts[c]] = c; });
     parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int f) {
-        if (const int first = sets.find(f); keep[std::size_t(f)] && first != f)
-            component[std::size_t(f)] = component[std::size_t(first)];
+        if (const int first = sets.find(f); keep[f] && first != f) component[f] = component[first];
     });
     return firsts.size();
 }
@@ -79,7 +77,7 @@ std::size_t filter_faces(TriangleMesh& mesh, const std::vector<char>& keep) {
     const int faces = static_cast<int>(mesh.faces.size());
     std::vector<char> used(before);
     parallel_for(Cpu{}, faces, [&](int f) {
-        for (int k = 0; k < 3; ++k) mark(used[std::size_t(mesh.faces[std::size_t(f)][k])]);
+        for (int k = 0; k < 3; ++k) mark(used[mesh.faces[f][k]]);
     });
     const std::vector<int> left =
         indices_where(before, [&](std::size_t v) { return used[v] != 0; });
@@ -87,11 +85,10 @@ std::size_t filter_faces(TriangleMesh& mesh, const std::vector<char>& keep) {
     if (!mesh.colors.empty()) mesh.colors = taken(mesh.colors, left);
     if (!mesh.views.empty()) mesh.views = taken(mesh.views, left);
     std::vector<int> renumbered(before);
-    parallel_for(Cpu{}, static_cast<int>(left.size()),
-                 [&](int v) { renumbered[std::size_t(left[std::size_t(v)])] = v; });
+    parallel_for(Cpu{}, static_cast<int>(left.size()), [&](int v) { renumbered[left[v]] = v; });
     parallel_for(Cpu{}, faces, [&](int f) {
-        Vec3i& face = mesh.faces[std::size_t(f)];
-        for (int k = 0; k < 3; ++k) face[k] = renumbered[std::size_t(face[k])];
+        Vec3i& face = mesh.faces[f];
+        for (int k = 0; k < 3; ++k) face[k] = renumbered[face[k]];
     });
     return before - left.size();
 }
@@ -183,12 +180,12 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
             for (std::size_t f = first; f < last; ++f) {
                 if (component[f] < 0) continue;
                 if (component[f] != of) {
-                    if (of >= 0) run.add_to(pixels[std::size_t(of)]);
+                    if (of >= 0) run.add_to(pixels[of]);
                     of = component[f], run = {};
                 }
                 run.add(judge(view, samples[f]));
             }
-            if (of >= 0) run.add_to(pixels[std::size_t(of)]);
+            if (of >= 0) run.add_to(pixels[of]);
         });
         for (std::size_t c = 0; c < count; ++c) {
             const double seen = 1e-6 * static_cast<double>(pixels[c].seen),
@@ -243,11 +240,11 @@ std::vector<char> without_unseen_boundaries(const TriangleMesh& mesh,
         if (const Vec3i face = mesh.faces[f];
             !seen[f] && (is_boundary(face.x, face.y) || is_boundary(face.y, face.z) ||
                          is_boundary(face.z, face.x)))
-            mark(open[static_cast<std::size_t>(sets.find(i))]);
+            mark(open[sets.find(i)]);
     });
     parallel_for(Cpu{}, faces, [&](int i) {
         const auto f = static_cast<std::size_t>(i);
-        keep[f] = seen[f] || !open[static_cast<std::size_t>(sets.find(i))];
+        keep[f] = seen[f] || !open[sets.find(i)];
     });
     return keep;
 }
@@ -259,8 +256,8 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
     // An edge from a vertex to itself would look like a boundary edge.
     std::vector<char> keep(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int f) {
-        const Vec3i face = mesh.faces[std::size_t(f)];
-        keep[std::size_t(f)] = face.x != face.y && face.y != face.z && face.z != face.x;
+        const Vec3i face = mesh.faces[f];
+        keep[f] = face.x != face.y && face.y != face.z && face.z != face.x;
     });
     if (std::find(keep.begin(), keep.end(), 0) != keep.end()) filter_faces(mesh, keep);
     if (mesh.faces.empty()) return report;
@@ -285,7 +282,7 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
     }
     parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int i) {
         const auto f = static_cast<std::size_t>(i);
-        keep[f] = keep[f] && evidence[static_cast<std::size_t>(component[f])].stays();
+        keep[f] = keep[f] && evidence[component[f]].stays();
     });
     filter_faces(mesh, keep);
     report.removed_faces = kept - mesh.faces.size();

@@ -28,7 +28,7 @@ public:
     void clear() { size_ = 0, many_.clear(); }
     void add(int w) {
         if (size_ < kFew) {
-            few_[std::size_t(size_++)] = w;
+            few_[size_++] = w;
         } else {
             if (many_.empty()) many_.assign(few_.begin(), few_.end());
             many_.push_back(w);
@@ -55,19 +55,18 @@ Corners::Corners(const std::vector<Vec3i>& faces, std::size_t vertices)
     : first_(vertices + 2), corners_(3 * faces.size()) {
     const int count = static_cast<int>(faces.size());
     parallel_for(Cpu{}, count, [&](int f) {
-        for (int k = 0; k < 3; ++k) count_up(&first_[std::size_t(faces[std::size_t(f)][k]) + 2]);
+        for (int k = 0; k < 3; ++k) count_up(&first_[std::size_t(faces[f][k]) + 2]);
     });
     for (std::size_t v = 2; v < first_.size(); ++v) first_[v] += first_[v - 1];
     parallel_for(Cpu{}, count, [&](int f) {
         for (int k = 0; k < 3; ++k)
-            corners_[count_up(&first_[std::size_t(faces[std::size_t(f)][k]) + 1])] =
+            corners_[count_up(&first_[std::size_t(faces[f][k]) + 1])] =
                 3 * static_cast<std::uint32_t>(f) + static_cast<std::uint32_t>(k);
     });
     first_.pop_back();
     // Restores the order, which depends on the threads.
     parallel_for(Cpu{}, static_cast<int>(vertices), [&](int v) {
-        std::sort(corners_.begin() + first_[std::size_t(v)],
-                  corners_.begin() + first_[std::size_t(v) + 1]);
+        std::sort(corners_.begin() + first_[v], corners_.begin() + first_[std::size_t(v) + 1]);
     });
 }
 
@@ -84,7 +83,7 @@ SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners) {
             const std::ptrdiff_t out = ring.count(mesh.faces[f][(k + 1) % 3]),
                                  in = ring.count(mesh.faces[f][(k + 2) % 3]);
             if (out == 1) edges.boundary[3 * f + std::size_t(k)] = 1;
-            if (out > 2 || in > 2) edges.fixed[std::size_t(v)] = 1;
+            if (out > 2 || in > 2) edges.fixed[v] = 1;
         });
     });
     return edges;
@@ -96,18 +95,18 @@ std::size_t drop_flawed_faces(TriangleMesh& mesh) {
     const auto count = static_cast<std::int64_t>(mesh.faces.size());
     std::int64_t wrong = count;
     parallel_for(Cpu{}, static_cast<int>(count), [&](int f) {
-        const Vec3i face = mesh.faces[std::size_t(f)];
+        const Vec3i face = mesh.faces[f];
         if (!in_range(face.x) || !in_range(face.y) || !in_range(face.z)) min_atomically(&wrong, f);
     });
     if (wrong < count) {
-        const Vec3i face = mesh.faces[std::size_t(wrong)];
+        const Vec3i face = mesh.faces[wrong];
         const int k = !in_range(face.x) ? 0 : !in_range(face.y) ? 1 : 2;
         throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
                                          ", but the mesh has ", vertices));
     }
     return drop_faces(mesh, [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        const auto finite = [&](int v) { return is_finite(mesh.vertices[std::size_t(v)]); };
+        const auto finite = [&](int v) { return is_finite(mesh.vertices[v]); };
         return face.x == face.y || face.y == face.z || face.z == face.x || !finite(face.x) ||
                !finite(face.y) || !finite(face.z);
     });

@@ -20,7 +20,7 @@ public:
     /// Calls action(face, its corner at v).
     template <class Action>
     void for_each(int v, const Action& action) const {
-        for (std::uint32_t i = first_[std::size_t(v)]; i < first_[std::size_t(v) + 1]; ++i)
+        for (std::uint32_t i = first_[v]; i < first_[std::size_t(v) + 1]; ++i)
             action(corners_[i] / 3, static_cast<int>(corners_[i] % 3));
     }
 
@@ -58,7 +58,7 @@ template <class Drops>
 std::size_t drop_faces(TriangleMesh& mesh, const Drops& drops) {
     std::vector<char> dropped(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(dropped.size()),
-                 [&](int f) { dropped[std::size_t(f)] = drops(std::size_t(f)); });
+                 [&](int f) { dropped[f] = drops(std::size_t(f)); });
     const auto first = std::find(dropped.begin(), dropped.end(), 1) - dropped.begin();
     auto kept = static_cast<std::size_t>(first);
     for (std::size_t f = kept; f < dropped.size(); ++f)

@@ -84,9 +84,7 @@ public:
     std::size_t begin(int run) const { return static_cast<std::size_t>(run) * kSize; }
     std::size_t end(int run) const { return std::min(samples_, begin(run + 1)); }
     /// Whether no sample of the run is in view.
-    bool misses(const ViewFrustum& view, int run) const {
-        return view.misses(boxes_[static_cast<std::size_t>(run)]);
-    }
+    bool misses(const ViewFrustum& view, int run) const { return view.misses(boxes_[run]); }
 
 private:
     std::size_t samples_;

@@ -37,7 +37,7 @@ struct Surface {
     Surface(const TriangleMesh& of, const MeshBoundary& its) : mesh(of), boundary(its) {
         for (std::size_t l = 0; l < boundary.loops.size(); ++l)
             for (const int place : boundary.loops[l])
-                if (boundary.edge_counts[std::size_t(place)] > 2) loops_at[place].push_back(l);
+                if (boundary.edge_counts[place] > 2) loops_at[place].push_back(l);
     }
     /// Whether two or more loops pass through both places.
     bool share_loops(int a, int b) const {
@@ -48,8 +48,8 @@ struct Surface {
                               of_b->second.end(), std::back_inserter(both));
         return both.size() > 1;
     }
-    int vertex(int place) const { return boundary.vertices[std::size_t(place)]; }
-    Vec3d point(int vertex) const { return vec_cast<double>(mesh.vertices[std::size_t(vertex)]); }
+    int vertex(int place) const { return boundary.vertices[place]; }
+    Vec3d point(int vertex) const { return vec_cast<double>(mesh.vertices[vertex]); }
 };
 
 /// The length of a pixel at a loop that is small enough; else 0.
@@ -60,7 +60,7 @@ float pixel_of_small(const Surface& s,
     if (loop.size() > kMaxHoleEdges) return 0;
     float pixel = 0;
     for (const int place : loop) {
-        const float length = pixel_length(cameras, s.mesh.vertices[std::size_t(s.vertex(place))]);
+        const float length = pixel_length(cameras, s.mesh.vertices[s.vertex(place)]);
         if (pixel == 0 || length < pixel) pixel = length;
     }
     const double limit = static_cast<double>(largest_px) * static_cast<double>(pixel);
@@ -76,7 +76,7 @@ bool is_hole(const Surface& s, const std::vector<int>& loop) {
     for (std::size_t i = 0; i < loop.size(); ++i) {
         const int next = loop[(i + 1) % loop.size()];
         across += cross(s.point(s.vertex(loop[i])) - origin, s.point(s.vertex(next)) - origin);
-        around += s.boundary.normals[std::size_t(loop[i])];
+        around += s.boundary.normals[loop[i]];
     }
     return dot(across, around) >= kMinCosine * norm(across) * static_cast<double>(loop.size());
 }
@@ -108,13 +108,10 @@ HoleBoundary boundary_of(const Surface& s, const std::vector<int>& loop) {
 /// samples.
 bool is_proper(const Patch& patch, double longest) {
     for (const Vec3i& face : patch.faces) {
-        const auto corner = [&](int k) {
-            return vec_cast<float>(patch.points[std::size_t(face[k])]);
-        };
+        const auto corner = [&](int k) { return vec_cast<float>(patch.points[face[k]]); };
         if (!has_area(corner(0), corner(1), corner(2))) return false;
         for (int k = 0; k < 3; ++k)
-            if (!(norm(patch.points[std::size_t(face[k])] -
-                       patch.points[std::size_t(face[(k + 1) % 3])]) <= longest))
+            if (!(norm(patch.points[face[k]] - patch.points[face[(k + 1) % 3]]) <= longest))
                 return false;
     }
     return !patch.faces.empty();
@@ -123,9 +120,8 @@ bool is_proper(const Patch& patch, double longest) {
 /// Samples the filling densely: each pixel that the patch covers gets a sample.
 void add_samples(const Filling& filling, std::vector<SurfaceSample>& samples) {
     for (const Vec3i& face : filling.patch.faces) {
-        const Vec3d a = filling.patch.points[std::size_t(face.x)],
-                    ab = filling.patch.points[std::size_t(face.y)] - a,
-                    ac = filling.patch.points[std::size_t(face.z)] - a;
+        const Vec3d a = filling.patch.points[face.x], ab = filling.patch.points[face.y] - a,
+                    ac = filling.patch.points[face.z] - a;
         const double longest = std::max({norm(ab), norm(ac), norm(ac - ab)});
         const int n = std::max(1, static_cast<int>(std::ceil(kSamplesPerPixel * longest /
                                                              static_cast<double>(filling.pixel))));
@@ -157,20 +153,17 @@ void append(const Patch& patch,
             const MeshBoundary& boundary,
             TriangleMesh& mesh) {
     std::vector<int> vertices;
-    for (const int place : loop) vertices.push_back(boundary.vertices[std::size_t(place)]);
+    for (const int place : loop) vertices.push_back(boundary.vertices[place]);
     for (std::size_t i = loop.size(); i < patch.points.size(); ++i) {
         vertices.push_back(static_cast<int>(mesh.vertices.size()));
         mesh.vertices.push_back(vec_cast<float>(patch.points[i]));
         if (mesh.colors.empty()) continue;
         Vec3f sum;
-        for (int k = 0; k < 3; ++k)
-            sum +=
-                mesh.colors[std::size_t(vertices[std::size_t(patch.origins[i - loop.size()][k])])];
+        for (int k = 0; k < 3; ++k) sum += mesh.colors[vertices[patch.origins[i - loop.size()][k]]];
         mesh.colors.push_back(sum / 3);
     }
     for (const Vec3i& face : patch.faces)
-        mesh.faces.push_back({vertices[std::size_t(face.x)], vertices[std::size_t(face.y)],
-                              vertices[std::size_t(face.z)]});
+        mesh.faces.push_back({vertices[face.x], vertices[face.y], vertices[face.z]});
 }
 
 }  // namespace
@@ -194,7 +187,7 @@ HoleReport close_holes(TriangleMesh& mesh,
     for (std::size_t l = 0; l < pixels.size(); ++l)
         if (pixels[l] > 0) fillings.push_back({l, pixels[l], {}});
     parallel_for_heavy(Cpu{}, static_cast<int>(fillings.size()), [&](int i) {
-        Filling& filling = fillings[std::size_t(i)];
+        Filling& filling = fillings[i];
         const std::vector<int>& loop = boundary.loops[filling.loop];
         if (is_hole(surface, loop)) filling.patch = make_patch(boundary_of(surface, loop));
     });

@@ -34,8 +34,7 @@ public:
 
 private:
     Vec3d point(int place) const {
-        return vec_cast<double>(
-            mesh_.vertices[std::size_t(boundary_.vertices[std::size_t(place)])]);
+        return vec_cast<double>(mesh_.vertices[boundary_.vertices[place]]);
     }
 
     void follow(std::size_t edge) {
@@ -43,25 +42,25 @@ private:
         for (;;) {
             used_[edge] = 1;
             const auto [from, to] = edges_[edge];
-            step_[std::size_t(from)] = static_cast<int>(path_.size());
+            step_[from] = static_cast<int>(path_.size());
             path_.push_back(from);
-            if (const int first = step_[std::size_t(to)]; first >= 0) {
+            if (const int first = step_[to]; first >= 0) {
                 boundary_.loops.emplace_back(path_.begin() + first, path_.end());
-                for (const int place : boundary_.loops.back()) step_[std::size_t(place)] = -1;
+                for (const int place : boundary_.loops.back()) step_[place] = -1;
                 path_.resize(std::size_t(first));
             }
             const std::size_t next = next_edge(from, to);
             if (next == edges_.size()) break;
             edge = next;
         }
-        for (const int place : path_) step_[std::size_t(place)] = -1;
+        for (const int place : path_) step_[place] = -1;
     }
 
     /// The unused edge from `to` along the same hole: the first one when turning from the edge to
     /// `from` across the hole.
     std::size_t next_edge(int from, int to) const {
         const auto first = std::lower_bound(edges_.begin(), edges_.end(), HoleEdge{to, -1});
-        const Vec3d n = boundary_.normals[std::size_t(to)], back = point(from) - point(to);
+        const Vec3d n = boundary_.normals[to], back = point(from) - point(to);
         std::size_t best = edges_.size();
         double least = std::numeric_limits<double>::infinity();
         for (auto at = first; at != edges_.end() && at->from == to; ++at) {
@@ -91,8 +90,7 @@ std::vector<char> mark_boundary_vertices(const TriangleMesh& mesh,
         const auto f = static_cast<std::size_t>(i);
         for (int k = 0; k < 3; ++k)
             if (is_boundary[3 * f + std::size_t(k)])
-                for (const int corner : {k, (k + 1) % 3})
-                    mark(at_boundary[std::size_t(mesh.faces[f][corner])]);
+                for (const int corner : {k, (k + 1) % 3}) mark(at_boundary[mesh.faces[f][corner]]);
     });
     return at_boundary;
 }
@@ -111,18 +109,17 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
         indices_where(at_boundary.size(), [&](std::size_t v) { return at_boundary[v] != 0; });
     std::vector<int> places(mesh.vertices.size(), -1);
     parallel_for(Cpu{}, static_cast<int>(boundary.vertices.size()),
-                 [&](int i) { places[std::size_t(boundary.vertices[std::size_t(i)])] = i; });
+                 [&](int i) { places[boundary.vertices[i]] = i; });
     const std::vector<int> near = indices_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        return at_boundary[std::size_t(face.x)] || at_boundary[std::size_t(face.y)] ||
-               at_boundary[std::size_t(face.z)];
+        return at_boundary[face.x] || at_boundary[face.y] || at_boundary[face.z];
     });
     const std::vector<Vec3i> faces = taken(mesh.faces, near);
     const Corners corners(faces, mesh.vertices.size());
     const auto normal_of = [&](Vec3i face) {
-        const Vec3d a = vec_cast<double>(mesh.vertices[std::size_t(face.x)]);
-        return cross(vec_cast<double>(mesh.vertices[std::size_t(face.y)]) - a,
-                     vec_cast<double>(mesh.vertices[std::size_t(face.z)]) - a);
+        const Vec3d a = vec_cast<double>(mesh.vertices[face.x]);
+        return cross(vec_cast<double>(mesh.vertices[face.y]) - a,
+                     vec_cast<double>(mesh.vertices[face.z]) - a);
     };
     const auto count = static_cast<int>(boundary.vertices.size());
     boundary.normals.resize(boundary.vertices.size()),
@@ -147,14 +144,12 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
         for (const int other : joined[place]) boundary.edges.push_back({v, other});
         corners.for_each(v, [&](std::uint32_t f, int k) {
             if (is_boundary[3 * std::size_t(near[f]) + std::size_t(k)])
-                holes.push_back(
-                    {places[std::size_t(faces[f][(k + 1) % 3])], static_cast<int>(place)});
+                holes.push_back({places[faces[f][(k + 1) % 3]], static_cast<int>(place)});
         });
     }
     std::sort(holes.begin(), holes.end());
     for (const HoleEdge& edge : holes)
-        ++boundary.edge_counts[std::size_t(edge.from)],
-            ++boundary.edge_counts[std::size_t(edge.to)];
+        ++boundary.edge_counts[edge.from], ++boundary.edge_counts[edge.to];
     LoopFinder(mesh, boundary, holes).find();
     return boundary;
 }

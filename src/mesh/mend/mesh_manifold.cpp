@@ -21,9 +21,8 @@ bool same_place(Vec3f a, Vec3f b) {
 bool weld(TriangleMesh& mesh) {
     std::int64_t coincident = 0;
     parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int f) {
-        const Vec3i face = mesh.faces[std::size_t(f)];
-        const Vec3f a = mesh.vertices[std::size_t(face.x)], b = mesh.vertices[std::size_t(face.y)],
-                    c = mesh.vertices[std::size_t(face.z)];
+        const Vec3i face = mesh.faces[f];
+        const Vec3f a = mesh.vertices[face.x], b = mesh.vertices[face.y], c = mesh.vertices[face.z];
         if (same_place(a, b) || same_place(b, c) || same_place(c, a))
             add_atomically(&coincident, 1);
     });
@@ -37,8 +36,7 @@ bool weld(TriangleMesh& mesh) {
     for (const Vec3i& face : mesh.faces)
         for (int k = 0; k < 3; ++k) {
             const int a = face[k], b = face[(k + 1) % 3];
-            if (a == b || !same_place(mesh.vertices[std::size_t(a)], mesh.vertices[std::size_t(b)]))
-                continue;
+            if (a == b || !same_place(mesh.vertices[a], mesh.vertices[b])) continue;
             const auto [low, high] = std::minmax({name_of(a), name_of(b)});
             if (low != high) renamed[high] = low;
         }
@@ -50,13 +48,12 @@ bool weld(TriangleMesh& mesh) {
 std::vector<FaceEdge> edges_at(const TriangleMesh& mesh, const std::vector<char>& marked) {
     const std::vector<int> places = indices_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        return marked[std::size_t(face.x)] || marked[std::size_t(face.y)] ||
-               marked[std::size_t(face.z)];
+        return marked[face.x] || marked[face.y] || marked[face.z];
     });
     TriangleMesh part;
     part.faces = taken(mesh.faces, places);
     std::vector<FaceEdge> edges = sorted_edges(part);
-    for (FaceEdge& edge : edges) edge.face = places[std::size_t(edge.face)];
+    for (FaceEdge& edge : edges) edge.face = places[edge.face];
     return edges;
 }
 
@@ -66,7 +63,7 @@ std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
     const std::vector<FaceEdge> edges = edges_at(mesh, marked);
     std::vector<std::pair<int, int>> corners;  // vertex, face
     for (const FaceEdge& edge : edges)
-        if (const int v = mesh.faces[std::size_t(edge.face)][edge.corner]; marked[std::size_t(v)])
+        if (const int v = mesh.faces[edge.face][edge.corner]; marked[v])
             corners.push_back({v, edge.face});
     std::sort(corners.begin(), corners.end());
     const auto place = [&](int v, int face) {
@@ -79,8 +76,7 @@ std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
         if (end != i + 2) continue;
         const FaceEdge a = edges[i], b = edges[i + 1];
         for (const int step : {0, 1})
-            if (const int v = mesh.faces[std::size_t(a.face)][(a.corner + step) % 3];
-                marked[std::size_t(v)])
+            if (const int v = mesh.faces[a.face][(a.corner + step) % 3]; marked[v])
                 sheets.unite(place(v, a.face), place(v, b.face));
     }
     const std::size_t before = mesh.vertices.size();
@@ -95,15 +91,14 @@ std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
             names[i] = v;
         } else {
             names[i] = static_cast<int>(mesh.vertices.size());
-            mesh.vertices.push_back(mesh.vertices[std::size_t(v)]);
-            if (!mesh.colors.empty()) mesh.colors.push_back(mesh.colors[std::size_t(v)]);
-            if (!mesh.views.empty()) mesh.views.push_back(mesh.views[std::size_t(v)]);
+            mesh.vertices.push_back(mesh.vertices[v]);
+            if (!mesh.colors.empty()) mesh.colors.push_back(mesh.colors[v]);
+            if (!mesh.views.empty()) mesh.views.push_back(mesh.views[v]);
         }
     }
     for (std::size_t i = 0; i < corners.size(); ++i)
         for (int k = 0; k < 3; ++k)
-            if (int& corner = mesh.faces[std::size_t(corners[i].second)][k];
-                corner == corners[i].first)
+            if (int& corner = mesh.faces[corners[i].second][k]; corner == corners[i].first)
                 corner = names[i];
     return mesh.vertices.size() - before;
 }
@@ -124,8 +119,7 @@ ManifoldReport make_manifold(TriangleMesh& mesh) {
     if (weld(mesh)) drop_flawed_faces(mesh);
     drop_faces(mesh, [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        return !has_area(mesh.vertices[std::size_t(face.x)], mesh.vertices[std::size_t(face.y)],
-                         mesh.vertices[std::size_t(face.z)]);
+        return !has_area(mesh.vertices[face.x], mesh.vertices[face.y], mesh.vertices[face.z]);
     });
     const Corners corners = drop_repeated_faces(mesh);
     report.dropped_faces = before - mesh.faces.size();

@@ -25,9 +25,7 @@ public:
     Refiner(const HoleBoundary& boundary, Patch& patch)
         : boundary_(boundary), n_(static_cast<int>(boundary.points.size())), patch_(patch) {
         for (int i = 0; i < n_; ++i)
-            length_ +=
-                norm(boundary.points[std::size_t((i + 1) % n_)] - boundary.points[std::size_t(i)]) /
-                n_;
+            length_ += norm(boundary.points[(i + 1) % n_] - boundary.points[i]) / n_;
         for (int f = 0; f < static_cast<int>(patch.faces.size()); ++f) enter(f);
     }
 
@@ -37,12 +35,12 @@ public:
     }
 
 private:
-    const Vec3d& point(int v) const { return patch_.points[std::size_t(v)]; }
+    const Vec3d& point(int v) const { return patch_.points[v]; }
 
     void enter(int f) {
         for (int k = 0; k < 3; ++k) face_of_[{corner(f, k), corner(f, k + 1)}] = f;
     }
-    int corner(int f, int k) const { return patch_.faces[std::size_t(f)][k % 3]; }
+    int corner(int f, int k) const { return patch_.faces[f][k % 3]; }
 
     bool split_all() {
         const std::size_t before = patch_.faces.size();
@@ -96,7 +94,7 @@ private:
             !std::isfinite(area(A, D, C) + area(D, B, C)))
             return false;
         face_of_.erase({a, b}), face_of_.erase({b, a});
-        patch_.faces[std::size_t(f)] = {a, d, c}, patch_.faces[std::size_t(g)] = {d, b, c};
+        patch_.faces[f] = {a, d, c}, patch_.faces[g] = {d, b, c};
         enter(f), enter(g);
         return true;
     }
@@ -122,9 +120,8 @@ void fair(const HoleBoundary& boundary, Patch& patch) {
     joined.erase(std::unique(joined.begin(), joined.end()), joined.end());
 
     std::vector<int> degrees(patch.points.size());
-    for (const auto& [v, w] : joined) ++degrees[std::size_t(v)];
-    for (int v = 0; v < n; ++v)
-        degrees[std::size_t(v)] += static_cast<int>(boundary.around[std::size_t(v)].size());
+    for (const auto& [v, w] : joined) ++degrees[v];
+    for (int v = 0; v < n; ++v) degrees[v] += static_cast<int>(boundary.around[v].size());
     // Each row of U x + known is an umbrella vector.
     std::vector<Eigen::Triplet<double>> entries;
     Eigen::MatrixX3d known = Eigen::MatrixX3d::Zero(all, 3);
@@ -132,23 +129,22 @@ void fair(const HoleBoundary& boundary, Patch& patch) {
         if (w >= n) {
             entries.emplace_back(v, w - n, weight);
         } else {
-            const Vec3d p = patch.points[std::size_t(w)];
+            const Vec3d p = patch.points[w];
             known.row(v) += weight * Eigen::RowVector3d(p.x, p.y, p.z);
         }
     };
     for (int v = 0; v < all; ++v) add(v, v, -1);
-    for (const auto& [v, w] : joined) add(v, w, 1.0 / degrees[std::size_t(v)]);
+    for (const auto& [v, w] : joined) add(v, w, 1.0 / degrees[v]);
     for (int v = 0; v < n; ++v)
-        for (const Vec3d p : boundary.around[std::size_t(v)])
-            known.row(v) += Eigen::RowVector3d(p.x, p.y, p.z) / degrees[std::size_t(v)];
+        for (const Vec3d p : boundary.around[v])
+            known.row(v) += Eigen::RowVector3d(p.x, p.y, p.z) / degrees[v];
     Eigen::SparseMatrix<double> U(all, all - n);
     U.setFromTriplets(entries.begin(), entries.end());
     const Eigen::SparseMatrix<double> normal = U.transpose() * U;
     const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(normal);
     const Eigen::MatrixX3d x = solver.solve(-(U.transpose() * known));
     if (solver.info() != Eigen::Success || !x.allFinite()) return;
-    for (int v = n; v < all; ++v)
-        patch.points[std::size_t(v)] = {x(v - n, 0), x(v - n, 1), x(v - n, 2)};
+    for (int v = n; v < all; ++v) patch.points[v] = {x(v - n, 0), x(v - n, 1), x(v - n, 2)};
 }
 
 }  // namespace

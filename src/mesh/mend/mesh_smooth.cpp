@@ -16,9 +16,9 @@ void for_each(std::size_t count, const Body& body) {
 }
 
 Vec3d normal_of(const std::vector<Vec3d>& points, Vec3i face) {
-    const Vec3d a = points[std::size_t(face.x)];
+    const Vec3d a = points[face.x];
     // Length: twice the area.
-    return cross(points[std::size_t(face.y)] - a, points[std::size_t(face.z)] - a);
+    return cross(points[face.y] - a, points[face.z] - a);
 }
 
 Vec3d unit(Vec3d n) {
@@ -80,9 +80,7 @@ void unfold(const TriangleMesh& mesh,
             const Corners& corners,
             const std::vector<Vec3d>& before,
             std::vector<Vec3d>& after) {
-    const auto moved = [&](int v) {
-        return norm(after[std::size_t(v)] - before[std::size_t(v)]) > 0;
-    };
+    const auto moved = [&](int v) { return norm(after[v] - before[v]) > 0; };
     const auto is_wrong = [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
         return (moved(face.x) || moved(face.y) || moved(face.z)) &&
@@ -96,7 +94,7 @@ void unfold(const TriangleMesh& mesh,
         for (int k = 0; k < 3; ++k) {
             const int v = mesh.faces[f][k];
             if (!moved(v)) continue;
-            after[std::size_t(v)] = before[std::size_t(v)];
+            after[v] = before[v];
             corners.for_each(v,
                              [&](std::uint32_t g, int) { waiting.push_back(static_cast<int>(g)); });
         }
@@ -123,9 +121,8 @@ std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& camera
                 const Vec3d n = planes.normals[f];
                 const double area = planes.areas[f];
                 if (!(area > 0)) return;
-                const Vec3d off = 1.0 / 3 *
-                                  (now[std::size_t(face.x)] + now[std::size_t(face.y)] +
-                                   now[std::size_t(face.z)] - 3.0 * now[v]);
+                const Vec3d off =
+                    1.0 / 3 * (now[face.x] + now[face.y] + now[face.z] - 3.0 * now[v]);
                 sum += area * dot(n, off) * n, upright += area * n, weight += area;
             });
             if (!(weight > 0)) return;

@@ -207,7 +207,7 @@ struct TriangleTree::Builder {
             begin = end;
         }
         parallel_for_heavy(Cpu{}, static_cast<int>(parts.size()), [&](int i) {
-            Part& part = parts[static_cast<std::size_t>(i)];
+            Part& part = parts[i];
             if (part.children == 0) append(part.first, part.last, part.depth, part.nodes);
         });
         std::vector<Node> out;
@@ -222,22 +222,22 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) 
     std::vector<Item> items(mesh.faces.size());
     std::int64_t wrong = count, not_finite = count;  // first bad face; first non-finite item
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
-        const int f = order.places.empty() ? i : order.places[std::size_t(i)];
-        Item& item = items[std::size_t(i)];
+        const int f = order.places.empty() ? i : order.places[i];
+        Item& item = items[i];
         item.face = static_cast<std::uint32_t>(f);
         for (int k = 0; k < 3; ++k) {
-            const int vertex = mesh.faces[std::size_t(f)][k];
+            const int vertex = mesh.faces[f][k];
             if (vertex < 0 || vertex >= vertices) {
                 min_atomically(&wrong, f);
                 return;
             }
-            const Vec3f p = mesh.vertices[static_cast<std::size_t>(vertex)];
+            const Vec3f p = mesh.vertices[vertex];
             if (!is_finite(p)) item.face = kNoFace, min_atomically(&not_finite, i);
             item.box.add({p, p});
         }
     });
     if (wrong < count) {
-        const Vec3i face = mesh.faces[std::size_t(wrong)];
+        const Vec3i face = mesh.faces[wrong];
         int k = 0;
         while (face[k] >= 0 && face[k] < vertices) ++k;
         throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
@@ -251,9 +251,8 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) 
     parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
         const Vec3i face = mesh.faces[items[at].face];
-        triangles_[at] = {mesh.vertices[static_cast<std::size_t>(face.x)],
-                          mesh.vertices[static_cast<std::size_t>(face.y)],
-                          mesh.vertices[static_cast<std::size_t>(face.z)], items[at].face};
+        triangles_[at] = {mesh.vertices[face.x], mesh.vertices[face.y], mesh.vertices[face.z],
+                          items[at].face};
     });
 }
 

@@ -43,9 +43,8 @@ std::vector<Vec3f> face_middles(const std::vector<Vec3i>& faces, const Position&
     std::vector<Vec3f> middles(faces.size());
     parallel_for(Cpu{}, static_cast<int>(middles.size()), [&](int f) {
         Vec3f sum;
-        for (int k = 0; k < 3; ++k)
-            sum += 1.0f / 3 * position(std::size_t(faces[std::size_t(f)][k]));
-        middles[std::size_t(f)] = sum;
+        for (int k = 0; k < 3; ++k) sum += 1.0f / 3 * position(std::size_t(faces[f][k]));
+        middles[f] = sum;
     });
     return middles;
 }
@@ -53,9 +52,8 @@ std::vector<Vec3f> face_middles(const std::vector<Vec3i>& faces, const Position&
 /// Positions and faces, without unused vertices.
 TriangleMesh compact(const CollapsibleMesh& from, Vec3d origin) {
     TriangleMesh out{std::vector<Vec3f>(from.positions.size()), {}, from.faces};
-    parallel_for(Cpu{}, static_cast<int>(out.vertices.size()), [&](int v) {
-        out.vertices[std::size_t(v)] = vec_cast<float>(from.positions[std::size_t(v)] + origin);
-    });
+    parallel_for(Cpu{}, static_cast<int>(out.vertices.size()),
+                 [&](int v) { out.vertices[v] = vec_cast<float>(from.positions[v] + origin); });
     filter_faces(out, std::vector<char>(out.faces.size(), 1));
     return out;
 }
@@ -88,10 +86,9 @@ void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double
     for (int round = 0; round < 2; ++round) {
         const std::vector<float> before = lengths;
         for (const Vec3i& face : mesh.faces) {
-            const float least = std::min({before[std::size_t(face.x)], before[std::size_t(face.y)],
-                                          before[std::size_t(face.z)]});
+            const float least = std::min({before[face.x], before[face.y], before[face.z]});
             for (int k = 0; k < 3; ++k) {
-                float& length = lengths[std::size_t(face[k])];
+                float& length = lengths[face[k]];
                 length = std::min(length, least);
             }
         }
@@ -102,8 +99,7 @@ void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double
         if (!(tolerance > mesh.tolerances[v])) return;
         const double ratio = mesh.tolerances[v] / tolerance;
         mesh.surface[v].count_in(1 / ratio);
-        if (mesh.boundary[v] >= 0)
-            mesh.boundaries[std::size_t(mesh.boundary[v])].count_in(1 / ratio);
+        if (mesh.boundary[v] >= 0) mesh.boundaries[mesh.boundary[v]].count_in(1 / ratio);
         mesh.tolerances[v] = tolerance;
     });
 }
@@ -113,9 +109,8 @@ void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double
 /// remaining seams.
 CollapsibleMesh collapsed(const Original& original, double tolerance_px, double largest_cost) {
     std::vector<double> tolerances(original.least_lengths.size());
-    parallel_for(Cpu{}, static_cast<int>(tolerances.size()), [&](int v) {
-        tolerances[std::size_t(v)] = tolerance_px * double(original.least_lengths[std::size_t(v)]);
-    });
+    parallel_for(Cpu{}, static_cast<int>(tolerances.size()),
+                 [&](int v) { tolerances[v] = tolerance_px * double(original.least_lengths[v]); });
     CollapsibleMesh left = collapse_in_groups(original.mesh, original.origin, tolerances,
                                               original.edges, original.groups, largest_cost);
     increase_tolerances(left, original, tolerance_px);

@@ -28,17 +28,15 @@ public:
         return std::max(place - kFirst, 0);
     }
     /// `level` must not be below that of the last popped edge.
-    void push(int edge, int level) {
-        levels_[std::size_t(std::max(level, level_))].push_back(edge);
-    }
+    void push(int edge, int level) { levels_[std::max(level, level_)].push_back(edge); }
     /// False if none is left.
     bool pop(int& edge) {
-        while (next_ == levels_[std::size_t(level_)].size()) {
-            levels_[std::size_t(level_)].clear(), next_ = 0;
+        while (next_ == levels_[level_].size()) {
+            levels_[level_].clear(), next_ = 0;
             if (level_ == kLevels - 1) return false;
             ++level_;
         }
-        edge = levels_[std::size_t(level_)][next_++];
+        edge = levels_[level_][next_++];
         return true;
     }
     int level() const { return level_; }

@@ -45,9 +45,8 @@ public:
     Division(const std::vector<Vec3i>& faces, std::size_t vertices, const Groups& groups)
         : faces_(faces), owner_(vertices, kNobody), place_(vertices, kNobody) {
         parallel_for_heavy(Cpu{}, static_cast<int>(groups.size()), [&](int g) {
-            for (const int f : groups[std::size_t(g)])
-                for (int k = 0; k < 3; ++k)
-                    claim(owner_[std::size_t(faces_[std::size_t(f)][k])], g);
+            for (const int f : groups[g])
+                for (int k = 0; k < 3; ++k) claim(owner_[faces_[f][k]], g);
         });
     }
 
@@ -57,9 +56,9 @@ public:
         Piece piece;
         for (const int f : faces)
             for (int k = 0; k < 3; ++k) {
-                const int v = faces_[std::size_t(f)][k];
-                int& place = place_[std::size_t(v)];
-                if (owner_[std::size_t(v)] != group) {
+                const int v = faces_[f][k];
+                int& place = place_[v];
+                if (owner_[v] != group) {
                     shared.push_back(v);
                 } else if (place == kNobody) {
                     place = static_cast<int>(piece.vertices.size());
@@ -74,10 +73,10 @@ public:
         for (const int f : faces) {
             Vec3i face;
             for (int k = 0; k < 3; ++k) {
-                const int v = faces_[std::size_t(f)][k];
+                const int v = faces_[f][k];
                 const auto at = std::lower_bound(shared.begin(), shared.end(), v);
-                face[k] = owner_[std::size_t(v)] == group
-                              ? place_[std::size_t(v)]
+                face[k] = owner_[v] == group
+                              ? place_[v]
                               : static_cast<int>(piece.own) + static_cast<int>(at - shared.begin());
             }
             piece.mesh.faces.push_back(face);
@@ -105,7 +104,7 @@ Quadric& boundary_at(CollapsibleMesh& mesh, std::size_t v) {
     int& boundary = mesh.boundary[v];
     if (boundary < 0)
         boundary = static_cast<int>(mesh.boundaries.size()), mesh.boundaries.emplace_back();
-    return mesh.boundaries[std::size_t(boundary)];
+    return mesh.boundaries[boundary];
 }
 
 /// Adds a vertex with empty quadrics.
@@ -118,8 +117,7 @@ void add_vertex(CollapsibleMesh& to, Vec3d position, double tolerance, bool fixe
 /// Adds the quadrics of a vertex to those of another.
 void add_quadrics(const CollapsibleMesh& from, std::size_t i, CollapsibleMesh& to, std::size_t j) {
     to.surface[j].add(from.surface[i]);
-    if (from.boundary[i] >= 0)
-        boundary_at(to, j).add(from.boundaries[std::size_t(from.boundary[i])]);
+    if (from.boundary[i] >= 0) boundary_at(to, j).add(from.boundaries[from.boundary[i]]);
 }
 
 /// Adds the planes of the faces and of the boundary edges; is_boundary: by corner 3 face + k.
@@ -128,8 +126,8 @@ void add_planes(CollapsibleMesh& to,
                 const std::vector<char>& is_boundary) {
     for (std::size_t f = 0; f < faces.size(); ++f) {
         const Vec3i face = to.faces[f];
-        const auto corner = [&](int k) { return to.positions[std::size_t(face[k % 3])]; };
-        const auto tolerance = [&](int k) { return to.tolerances[std::size_t(face[k % 3])]; };
+        const auto corner = [&](int k) { return to.positions[face[k % 3]]; };
+        const auto tolerance = [&](int k) { return to.tolerances[face[k % 3]]; };
         const Vec3d twice_area = cross(corner(1) - corner(0), corner(2) - corner(0));
         const double size = norm(twice_area);
         const Vec3d normal = size > 0 ? twice_area / size : Vec3d{};
@@ -137,7 +135,7 @@ void add_planes(CollapsibleMesh& to,
         plane.add_plane(normal, corner(0), size / 2,
                         std::min({tolerance(0), tolerance(1), tolerance(2)}));
         for (int k = 0; k < 3; ++k) {
-            to.surface[std::size_t(face[k])].add(plane);
+            to.surface[face[k]].add(plane);
             if (!is_boundary[3 * std::size_t(faces[f]) + std::size_t(k)]) continue;
             const Vec3d along = corner(k + 1) - corner(k);
             const double length = norm(along);
@@ -156,7 +154,7 @@ Piece without_unused(Piece from) {
     Piece out;
     std::vector<int> place(from.vertices.size(), kNobody);
     for (const Vec3i& face : from.mesh.faces)
-        for (int k = 0; k < 3; ++k) place[std::size_t(face[k])] = 0;
+        for (int k = 0; k < 3; ++k) place[face[k]] = 0;
     for (std::size_t v = 0; v < place.size(); ++v) {
         if (place[v] == kNobody) continue;
         place[v] = static_cast<int>(out.vertices.size());
@@ -166,8 +164,7 @@ Piece without_unused(Piece from) {
         add_quadrics(from.mesh, v, out.mesh, out.vertices.size() - 1);
     }
     for (const Vec3i& face : from.mesh.faces)
-        out.mesh.faces.push_back(
-            {place[std::size_t(face.x)], place[std::size_t(face.y)], place[std::size_t(face.z)]});
+        out.mesh.faces.push_back({place[face.x], place[face.y], place[face.z]});
     return out;
 }
 
@@ -195,14 +192,14 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
     for (const Piece& piece : pieces)
         for (std::size_t i = piece.own; i < piece.vertices.size(); ++i) {
             const int v = piece.vertices[i];
-            int& at = place[std::size_t(v)];
+            int& at = place[v];
             if (at == kNobody) at = static_cast<int>(all.positions.size()), add_shared(v, all);
             add_quadrics(piece.mesh, i, all, std::size_t(at));
         }
     parallel_for_heavy(Cpu{}, static_cast<int>(pieces.size()), [&](int p) {
-        const Piece& piece = pieces[std::size_t(p)];
+        const Piece& piece = pieces[p];
         const CollapsibleMesh& from = piece.mesh;
-        const Start start = starts[std::size_t(p)];
+        const Start start = starts[p];
         for (std::size_t i = 0; i < piece.own; ++i) {
             const std::size_t to = start.vertex + i;
             all.positions[to] = from.positions[i], all.tolerances[to] = from.tolerances[i];
@@ -215,9 +212,8 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
         for (std::size_t f = 0; f < from.faces.size(); ++f)
             for (int k = 0; k < 3; ++k) {
                 const auto i = static_cast<std::size_t>(from.faces[f][k]);
-                all.faces[start.face + f][k] = i < piece.own
-                                                   ? static_cast<int>(start.vertex + i)
-                                                   : place[std::size_t(piece.vertices[i])];
+                all.faces[start.face + f][k] =
+                    i < piece.own ? static_cast<int>(start.vertex + i) : place[piece.vertices[i]];
             }
     });
     return all;
@@ -239,12 +235,12 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
     };
     std::vector<Piece> pieces(groups.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(groups.size()), [&](int g) {
-        Piece piece = division.cut_out(g, groups[std::size_t(g)]);
+        Piece piece = division.cut_out(g, groups[g]);
         for (std::size_t i = 0; i < piece.vertices.size(); ++i)
             add(piece.vertices[i], i >= piece.own, piece.mesh);
-        add_planes(piece.mesh, groups[std::size_t(g)], edges.boundary);
+        add_planes(piece.mesh, groups[g], edges.boundary);
         collapse_edges(piece.mesh, largest_cost, 0);
-        pieces[std::size_t(g)] = without_unused(std::move(piece));
+        pieces[g] = without_unused(std::move(piece));
     });
     return join(pieces, mesh.vertices.size(),
                 [&](int v, CollapsibleMesh& to) { add(v, false, to); });
@@ -261,14 +257,14 @@ CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
     };
     std::vector<Piece> pieces(groups.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(groups.size()), [&](int g) {
-        Piece piece = division.cut_out(g, groups[std::size_t(g)]);
+        Piece piece = division.cut_out(g, groups[g]);
         for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
             add(piece.vertices[i], i >= piece.own, piece.mesh);
             if (i < piece.own)
                 add_quadrics(mesh, static_cast<std::size_t>(piece.vertices[i]), piece.mesh, i);
         }
         collapse_edges(piece.mesh, largest_cost, 0);
-        pieces[std::size_t(g)] = without_unused(std::move(piece));
+        pieces[g] = without_unused(std::move(piece));
     });
     CollapsibleMesh all = join(pieces, mesh.positions.size(), [&](int v, CollapsibleMesh& to) {
         add(v, false, to);

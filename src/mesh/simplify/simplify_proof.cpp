@@ -32,7 +32,7 @@ Vec3f place_on(const TriangleMesh& mesh, std::size_t i) {
         out += (near == 3   ? 1.0 / 3
                 : near == k ? 2.0 / 3
                             : 1.0 / 6) *
-               vec_cast<double>(mesh.vertices[static_cast<std::size_t>(face[k])]);
+               vec_cast<double>(mesh.vertices[face[k]]);
     return vec_cast<float>(out);
 }
 
@@ -58,9 +58,8 @@ SurfacePlaces places_on(const TriangleMesh& mesh) {
     SurfacePlaces places{{}, mesh.vertices.size() + 4 * mesh.faces.size()};
     const std::size_t stride = (places.all + kMaxPoints - 1) / kMaxPoints;
     places.points.resize(stride > 0 ? (places.all + stride - 1) / stride : 0);
-    parallel_for(Cpu{}, static_cast<int>(places.points.size()), [&](int i) {
-        places.points[std::size_t(i)] = place_on(mesh, std::size_t(i) * stride);
-    });
+    parallel_for(Cpu{}, static_cast<int>(places.points.size()),
+                 [&](int i) { places.points[i] = place_on(mesh, std::size_t(i) * stride); });
     return places;
 }
 
@@ -88,8 +87,7 @@ void carry_colors(const TriangleMesh& original, const TriangleTree& tree, Triang
             tree.distance(p, std::numeric_limits<double>::infinity(), &start);
             const Vec3i face = original.faces[tree.face(start)];
             Vec3d corners[3], color;
-            for (int k = 0; k < 3; ++k)
-                corners[k] = vec_cast<double>(original.vertices[std::size_t(face[k])]);
+            for (int k = 0; k < 3; ++k) corners[k] = vec_cast<double>(original.vertices[face[k]]);
             const Vec3d q = closest_on_triangle(p, corners[0], corners[1], corners[2]);
             // Barycentric weights by area; by distance if there is no area.
             double shares[3], sum = 0;
@@ -99,7 +97,7 @@ void carry_colors(const TriangleMesh& original, const TriangleTree& tree, Triang
             }
             for (int k = 0; k < 3; ++k)
                 color += (sum > 0 ? shares[k] / sum : 1.0 / 3) *
-                         vec_cast<double>(original.colors[std::size_t(face[k])]);
+                         vec_cast<double>(original.colors[face[k]]);
             mesh.colors[i] = vec_cast<float>(color);
         }
     });

@@ -72,14 +72,14 @@ std::vector<float> least_pixel_lengths(const std::vector<Vec3f>& points,
                                        const std::vector<Camera>& cameras) {
     std::vector<float> out(points.size());
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const Vec3f point = points[static_cast<std::size_t>(i)];
+        const Vec3f point = points[i];
         float least = kNone;
         for (const Camera& camera : cameras)
             if (is_in_view(camera, point))
                 least = std::min(least, (camera.camera_from_world * point).z /
                                             std::max(camera.fx_px, camera.fy_px));
         if (least == kNone) least = kUnseenPixels * nearest_pixel(point, cameras);
-        out[static_cast<std::size_t>(i)] = std::clamp(least, kShortest, kLongest);
+        out[i] = std::clamp(least, kShortest, kLongest);
     });
     return out;
 }

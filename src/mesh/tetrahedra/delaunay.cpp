@@ -53,8 +53,7 @@ std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
         if (a.round != b.round) return a.round < b.round;
         if (a.code != b.code) return a.code < b.code;
         // The Morton code omits the lowest bits.
-        const Vec3i p = points[static_cast<std::size_t>(a.index)],
-                    q = points[static_cast<std::size_t>(b.index)];
+        const Vec3i p = points[a.index], q = points[b.index];
         for (int axis = 0; axis < 3; ++axis)
             if (p[axis] != q[axis]) return p[axis] < q[axis];
         return a.index < b.index;
@@ -130,8 +129,8 @@ private:
         int outside, slot;  // the cell across, and the slot there
     };
 
-    Vec3i point(int i) const { return points_[static_cast<std::size_t>(i)]; }
-    Cell& cell(int i) { return cells_[static_cast<std::size_t>(i)]; }
+    Vec3i point(int i) const { return points_[i]; }
+    Cell& cell(int i) { return cells_[i]; }
 
     /// Orientation of a cell with p in place of one of its vertices.
     int side(const Cell& c, int slot, Vec3i p) const {
@@ -280,7 +279,7 @@ private:
         }
     }
 
-    std::uint32_t& mark(int i) { return marks_[static_cast<std::size_t>(i)]; }
+    std::uint32_t& mark(int i) { return marks_[i]; }
 
     const std::vector<Vec3i>& points_;
     std::vector<Cell> cells_;

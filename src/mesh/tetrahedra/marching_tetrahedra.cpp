@@ -42,7 +42,7 @@ public:
             int inside = 0;
             bool seen = false;
             for (int i = 0; i < 4; ++i) {
-                const PointSide side = sides_[index(t[static_cast<std::size_t>(i)])];
+                const PointSide side = sides_[index(t[i])];
                 inside |= (side != PointSide::free) << i;
                 seen |= side == PointSide::inside;
             }
@@ -51,8 +51,7 @@ public:
                 bool near = true;
                 for (int k = 0; k < 3; ++k) {
                     const int* ends = kEdgeEnds[face[k]];
-                    const int a = t[static_cast<std::size_t>(ends[0])],
-                              b = t[static_cast<std::size_t>(ends[1])];
+                    const int a = t[ends[0]], b = t[ends[1]];
                     keys[k] = static_cast<std::uint64_t>(std::min(a, b)) << 32 |
                               static_cast<std::uint64_t>(std::max(a, b));
                     near &= norm(positions_[index(a)] - positions_[index(b)]) <=
@@ -101,7 +100,7 @@ TetrahedraSurface marching_tetrahedra(const std::vector<Tetrahedron>& tetrahedra
     march.surface.edges.reserve(keys.size());
     for (const std::uint64_t key : keys) {
         const int a = static_cast<int>(key >> 32), b = static_cast<int>(key & 0xffffffffu);
-        const bool a_free = sides[static_cast<std::size_t>(a)] == PointSide::free;
+        const bool a_free = sides[a] == PointSide::free;
         march.surface.edges.push_back(a_free ? CrossedEdge{a, b} : CrossedEdge{b, a});
     }
     return std::move(march.surface);

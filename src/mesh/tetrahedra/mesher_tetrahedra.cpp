@@ -42,20 +42,15 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
     PivotTetrahedra made;
     const std::size_t most = most_points(max_bytes, splats.size());
     const std::vector<float> footprints = pixel_footprints(splats, views, rules);
-    const PivotKind kind = options.points;
-    const std::vector<int> chosen = pivot_splats(
-        splats, footprints, kind == PivotKind::pivots ? options.min_opacity : kMinAlpha);
-    float grain = kind == PivotKind::pivots ? 1.0f : 0.0f;
-    auto found = surface_pivots(splats, chosen, footprints, kind, grain, most);
+    const std::vector<int> chosen = pivot_splats(splats, footprints, options.min_opacity);
+    float grain = 1;
+    auto found = surface_pivots(splats, chosen, footprints, grain, most);
     const bool fits = found.has_value();
-    while (!found) {
-        grain = std::max(1.0f, grain * kGrainGrowth);
-        found = surface_pivots(splats, chosen, footprints, kind, grain, most);
-    }
+    while (!found) found = surface_pivots(splats, chosen, footprints, grain *= kGrainGrowth, most);
     made.pivots = std::move(*found);
     if (!fits)
         spdlog::debug("Merged points within {:.3g} px to stay within --memory: {} of {} left",
-                      grain / 4, made.pivots.size(), chosen.size() * pivots_per_splat(kind));
+                      grain / 4, made.pivots.size(), 2 * chosen.size());
     if (made.pivots.size() == 0) {
         made.why_empty = why_no_points(splats.size());
         return made;
@@ -72,14 +67,13 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
 }
 
 TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
-                                     const std::vector<Sight>& sights,
-                                     int needed) {
+                                     const std::vector<Sight>& sights) {
     std::vector<PointSide> sides;
     sides.reserve(sights.size());
     for (const Sight& sight : sights)
-        sides.push_back(sight.views == 0          ? PointSide::unseen
-                        : !is_free(sight, needed) ? PointSide::inside
-                                                  : PointSide::free);
+        sides.push_back(sight.views == 0  ? PointSide::unseen
+                        : !is_free(sight) ? PointSide::inside
+                                          : PointSide::free);
     TetrahedraSurface surface =
         marching_tetrahedra(points.tetrahedra, sides, points.pivots.positions, points.pivots.radii);
     spdlog::debug("{} faces; omitted {} between distant splats and {} next to unseen points",
@@ -98,12 +92,10 @@ std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
         if (sums[i].weight > 0) {
             c = sums[i].color / sums[i].weight;
         } else {
-            const int inside = splats[static_cast<std::size_t>(edges[i].inside_end)];
-            const int splat =
-                inside >= 0 ? inside : splats[static_cast<std::size_t>(edges[i].free_end)];
+            const int inside = splats[edges[i].inside_end];
+            const int splat = inside >= 0 ? inside : splats[edges[i].free_end];
             if (splat >= 0)
-                c = static_cast<float>(kShC0) * base_sh[static_cast<std::size_t>(splat)] +
-                    Vec3f{0.5f, 0.5f, 0.5f};
+                c = static_cast<float>(kShC0) * base_sh[splat] + Vec3f{0.5f, 0.5f, 0.5f};
         }
         for (int k = 0; k < 3; ++k) c[k] = c[k] > 0 ? std::min(c[k], 1.0f) : 0;
         colors.push_back(c);

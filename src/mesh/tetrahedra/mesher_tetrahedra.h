@@ -9,25 +9,16 @@
 #include "mesh/mesher.h"
 #include "mesh/tetrahedra/marching_tetrahedra.h"
 #include "mesh/tetrahedra/pivots.h"
-#include "mesh/texture/vertex_colors.h"
 
 namespace tvsgs {
 
 struct TetrahedraMesherOptions {
-    PivotKind points = PivotKind::pivots;
     float min_opacity = 0.5f;
-    int views = 2;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice("points", points, {"pivots", "corners"},
-                     "points of a splat: one on either side of its plane; or centre and corners of "
-                     "its box, for all splats, as published");
         field("min_opacity", min_opacity, {0, 1},
               "least opacity of a splat with points; the more opaque half always has them");
-        field("views", views, {1, 2},
-              "views that must see a point of free space, if more than two have it in their "
-              "image; 1: as published");
     }
 };
 
@@ -51,8 +42,7 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
 
 /// Extracts the faces where the field changes sign.
 TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
-                                     const std::vector<Sight>& sights,
-                                     int needed);
+                                     const std::vector<Sight>& sights);
 
 /// Mean colour of each vertex; the base colour of its splat if no view shows it.
 std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
@@ -80,7 +70,7 @@ public:
 
 private:
     ExtractedMesh extract_surface(const MesherInputs<Device>& in) {
-        const FieldViews views{in.views, in.depth.masks(), in.near, options_.views};
+        const FieldViews views{in.views, in.depth.masks(), in.near};
         FieldSplats<Device> splats;
         detail::PivotTetrahedra points;
         {
@@ -94,13 +84,10 @@ private:
         if (!found.why_empty.empty()) return found;
 
         std::vector<Sight> sights = seen_on_host(splats, views, points.pivots.positions);
-        const TetrahedraSurface surface =
-            detail::crossed_tetrahedra(points, sights, options_.views);
+        const TetrahedraSurface surface = detail::crossed_tetrahedra(points, sights);
         points.tetrahedra = {}, sights = {};
         if (surface.faces.empty()) {
-            found.why_empty =
-                "no visible point is next to a hidden one; are the splats opaque? See "
-                "mesh.tetrahedra.points";
+            found.why_empty = "no visible point is next to a hidden one; are the splats opaque?";
             return found;
         }
         const auto ends = [&](int CrossedEdge::*end) {

@@ -6,6 +6,7 @@
 
 #include "core/scene/gaussians.h"
 #include "core/scene/scene.h"
+#include "mesh/fuse/depth_view.h"
 #include "mesh/tetrahedra/opacity_math.h"
 #include "render/tiles/tiles.h"
 
@@ -51,31 +52,36 @@ struct FieldViews {
     const std::vector<View>& views;
     bool masks;  // a point outside of a view's mask is not in its image
     float near;  // nor are splats and points nearer to a camera's plane
-    int needed;  // of is_free()
 };
 
 /// Counts the views that see each point; `sights` is resized and overwritten. Transmittance is prod
 /// (1 - alpha) over all splats, with the largest alpha up to the point.
-void see_points(const FieldSplats<Cpu>& splats,
+template <class Device>
+void see_points(const FieldSplats<Device>& splats,
                 const FieldViews& views,
-                const Buffer<Vec3f, Cpu>& points,
-                Buffer<Sight, Cpu>& sights);
-void see_points(const FieldSplats<Cuda>& splats,
-                const FieldViews& views,
-                const Buffer<Vec3f, Cuda>& points,
-                Buffer<Sight, Cuda>& sights);
+                const Buffer<Vec3f, Device>& points,
+                Buffer<Sight, Device>& sights);
 
 /// Bisects segments between a free and an inside end, `steps` times, and sets both ends to the
 /// middle of the remaining segment.
-void find_crossings(const FieldSplats<Cpu>& splats,
+template <class Device>
+void find_crossings(const FieldSplats<Device>& splats,
                     const FieldViews& views,
                     int steps,
-                    Buffer<Vec3f, Cpu>& free_ends,
-                    Buffer<Vec3f, Cpu>& inside_ends);
-void find_crossings(const FieldSplats<Cuda>& splats,
-                    const FieldViews& views,
-                    int steps,
-                    Buffer<Vec3f, Cuda>& free_ends,
-                    Buffer<Vec3f, Cuda>& inside_ends);
+                    Buffer<Vec3f, Device>& free_ends,
+                    Buffer<Vec3f, Device>& inside_ends);
+
+/// Colour of a vertex from renders of the views that see it.
+struct ColorSum {
+    Vec3f color{};
+    float weight = 0;
+};
+
+/// Adds the view's pixel at each vertex, weighted by its resolution and by the distance between
+/// vertex and depth, in pixels. At eight pixels and more it shows another surface.
+template <class Device>
+void add_colors(const DepthView<Device>& view,
+                const Buffer<Vec3f, Device>& vertices,
+                Buffer<ColorSum, Device>& sums);
 
 }  // namespace tvsgs

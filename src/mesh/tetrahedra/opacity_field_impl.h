@@ -8,7 +8,8 @@
 #include "core/scene/scene.h"
 #include "mesh/tetrahedra/opacity_field.h"
 
-namespace tvsgs::detail {
+namespace tvsgs {
+namespace detail {
 
 template <class Device>
 using FieldViewSplats = ViewSplats<Device, FieldShape, RayGaussian<float>>;
@@ -95,12 +96,11 @@ struct FieldView {
 
 struct SeePointBody {
     FieldView view;
-    int needed;
     Span<const Vec3f> points;
     Span<Sight> sights;
 
     TVSGS_HD void operator()(int i) const {
-        if (sights[i].clear < needed) view.look(points[i], sights[i]);
+        if (sights[i].clear < kClearViews) view.look(points[i], sights[i]);
     }
 };
 
@@ -155,8 +155,7 @@ void see_points_on(const FieldSplats<Device>& splats,
     for (const View& view : views.views)
         with_context(str("opacity in view ", view.name), [&] {
             const FieldView made = make_view(splats, views, view, scratch);
-            parallel_for(Device{}, count,
-                         SeePointBody{made, views.needed, points.span(), sights.span()});
+            parallel_for(Device{}, count, SeePointBody{made, points.span(), sights.span()});
             progress.advance();
         });
 }
@@ -169,14 +168,10 @@ struct MiddleBody {
 struct HalveBody {
     Span<const Vec3f> middles;
     Span<const Sight> sights;
-    int needed;
     Span<Vec3f> free_ends, inside_ends;
 
     TVSGS_HD void operator()(int i) const {
-        if (!is_free(sights[i], needed))
-            inside_ends[i] = middles[i];
-        else
-            free_ends[i] = middles[i];
+        (is_free(sights[i]) ? free_ends : inside_ends)[i] = middles[i];
     }
 };
 struct MeetBody {
@@ -184,25 +179,78 @@ struct MeetBody {
     TVSGS_HD void operator()(int i) const { a[i] = b[i] = 0.5f * (a[i] + b[i]); }
 };
 
+struct AddColorBody {
+    Camera camera;
+    Span<const float> depth;  // [H W] 0: none
+    Span<const Vec3f> color;  // [H W]
+    Span<const Vec3f> vertices;
+    Span<ColorSum> sums;
+
+    TVSGS_HD void operator()(int i) const {
+        const Vec3f p = camera.camera_from_world * vertices[i];
+        if (!(p.z > 0)) return;
+        const float u = camera.fx_px * p.x / p.z + camera.cx_px,
+                    v = camera.fy_px * p.y / p.z + camera.cy_px;
+        if (!(u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
+              v < static_cast<float>(camera.height_px)))
+            return;
+        const int at = static_cast<int>(v) * camera.width_px + static_cast<int>(u);
+        const float resolution = camera.fx_px / p.z, d = resolution * (p.z - depth[at]);
+        if (!(depth[at] > 0) || !(d * d < 64) || !is_finite(color[at])) return;
+        const float falloff = 1 / (1 + d * d), weight = resolution * resolution * falloff * falloff;
+        sums[i].color += weight * color[at];
+        sums[i].weight += weight;
+    }
+};
+
+}  // namespace detail
+
 template <class Device>
-void find_crossings_on(const FieldSplats<Device>& splats,
-                       const FieldViews& views,
-                       int steps,
-                       Buffer<Vec3f, Device>& free_ends,
-                       Buffer<Vec3f, Device>& inside_ends) {
+void see_points(const FieldSplats<Device>& splats,
+                const FieldViews& views,
+                const Buffer<Vec3f, Device>& points,
+                Buffer<Sight, Device>& sights) {
+    detail::FieldScratch<Device> scratch;
+    detail::see_points_on(splats, views, points, scratch, sights);
+}
+
+template <class Device>
+void find_crossings(const FieldSplats<Device>& splats,
+                    const FieldViews& views,
+                    int steps,
+                    Buffer<Vec3f, Device>& free_ends,
+                    Buffer<Vec3f, Device>& inside_ends) {
     const int count = static_cast<int>(free_ends.size());
-    FieldScratch<Device> scratch;
+    detail::FieldScratch<Device> scratch;
     Buffer<Vec3f, Device> middles(free_ends.size());
     Buffer<Sight, Device> sights;
     for (int step = 0; step < steps; ++step) {
         parallel_for(Device{}, count,
-                     MiddleBody{free_ends.span(), inside_ends.span(), middles.span()});
-        see_points_on(splats, views, middles, scratch, sights);
-        parallel_for(Device{}, count,
-                     HalveBody{middles.span(), sights.span(), views.needed, free_ends.span(),
-                               inside_ends.span()});
+                     detail::MiddleBody{free_ends.span(), inside_ends.span(), middles.span()});
+        detail::see_points_on(splats, views, middles, scratch, sights);
+        parallel_for(
+            Device{}, count,
+            detail::HalveBody{middles.span(), sights.span(), free_ends.span(), inside_ends.span()});
     }
-    parallel_for(Device{}, count, MeetBody{free_ends.span(), inside_ends.span()});
+    parallel_for(Device{}, count, detail::MeetBody{free_ends.span(), inside_ends.span()});
 }
 
-}  // namespace tvsgs::detail
+template <class Device>
+void add_colors(const DepthView<Device>& view,
+                const Buffer<Vec3f, Device>& vertices,
+                Buffer<ColorSum, Device>& sums) {
+    parallel_for(
+        Device{}, static_cast<int>(vertices.size()),
+        detail::AddColorBody{view.camera, view.depth, view.color, vertices.span(), sums.span()});
+}
+
+/// Instantiates the functions for a device.
+#define TVSGS_OPACITY_FIELD(Device)                                                  \
+    template void see_points(const FieldSplats<Device>&, const FieldViews&,          \
+                             const Buffer<Vec3f, Device>&, Buffer<Sight, Device>&);  \
+    template void find_crossings(const FieldSplats<Device>&, const FieldViews&, int, \
+                                 Buffer<Vec3f, Device>&, Buffer<Vec3f, Device>&);    \
+    template void add_colors(const DepthView<Device>&, const Buffer<Vec3f, Device>&, \
+                             Buffer<ColorSum, Device>&);
+
+}  // namespace tvsgs

@@ -121,10 +121,14 @@ struct Sight {
     int views = 0, clear = 0;
 };
 
-/// Whether a point lies in free space: clear in one view if up to two have it in their image, and
-/// in `needed` (1 or 2) if more have.
-TVSGS_HD inline bool is_free(Sight sight, int needed) {
-    return sight.clear >= (sight.views > 2 ? needed : 1);
+/// Views in which a point of free space is clear, if more have it in their image; with one, a wrong
+/// view would dig a pit.
+inline constexpr int kClearViews = 2;
+
+/// Whether a point lies in free space. One clear view is enough if up to two have it in their
+/// image.
+TVSGS_HD inline bool is_free(Sight sight) {
+    return sight.clear >= (sight.views > kClearViews ? kClearViews : 1);
 }
 
 }  // namespace tvsgs

@@ -52,34 +52,19 @@ std::uint64_t cell_key(Vec3f p, float size) {
     return key;
 }
 
-/// Appends the points of splat i; `least`: minimum of its deviation along the normal; `reach`:
+/// Appends the points of a splat; `least`: minimum of its deviation along the normal; `reach`:
 /// factor of the radii.
-void append_points(const FieldSplats<Cpu>& splats,
-                   int splat,
-                   PivotKind kind,
-                   float least,
-                   float reach,
-                   Pivots& pivots) {
-    const auto i = static_cast<std::size_t>(splat);
-    const Mat3f R = rotation(splats.quats[i]);
+void append_points(
+    const FieldSplats<Cpu>& splats, int i, float least, float reach, Pivots& pivots) {
     const Vec3f s = splats.scales[i], mean = splats.means[i];
-    float radius = kReach * std::max({s.x, s.y, s.z});
-    const auto add = [&](Vec3f p) {
-        if (!is_finite(p)) return;
-        pivots.positions.push_back(p), pivots.splats.push_back(splat);
-        pivots.radii.push_back(kSlack * std::max(radius, reach));
-    };
-    if (kind == PivotKind::pivots) {
-        const int axis = smallest_axis(s);
-        const float offset = kReach * std::max(s[axis], least);
-        radius = std::max(radius, offset);
-        add(mean + offset * column(R, axis)), add(mean - offset * column(R, axis));
-        return;
-    }
-    add(mean);
-    for (int corner = 0; corner < 8; ++corner) {
-        const auto to = [&](int axis) { return (corner >> axis & 1 ? kReach : -kReach) * s[axis]; };
-        add(mean + R * Vec3f{to(0), to(1), to(2)});
+    const int axis = smallest_axis(s);
+    const float offset = kReach * std::max(s[axis], least);
+    const float radius = std::max({kReach * std::max({s.x, s.y, s.z}), offset, reach});
+    const Vec3f step = offset * column(rotation(splats.quats[i]), axis);
+    for (const Vec3f p : {mean + step, mean - step}) {
+        if (!is_finite(p)) continue;
+        pivots.positions.push_back(p), pivots.splats.push_back(i);
+        pivots.radii.push_back(kSlack * radius);
     }
 }
 
@@ -88,9 +73,8 @@ void append_points(const FieldSplats<Cpu>& splats,
 std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
                                     const FieldViews& views,
                                     const DepthRules& rules) {
-    std::vector<float> footprints(static_cast<std::size_t>(splats.size()), 0);
-    parallel_for(Cpu{}, splats.size(), [&](int at) {
-        const auto i = static_cast<std::size_t>(at);
+    std::vector<float> footprints(splats.means.size(), 0);
+    parallel_for(Cpu{}, splats.size(), [&](int i) {
         const Vec3f mean = splats.means[i];
         if (!is_finite(mean) || !(splats.opacities[i] >= kMinAlpha) ||
             !is_finite(splats.scales[i]) || !rules.in_box(mean))
@@ -123,31 +107,25 @@ std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
     Buffer<int, Cpu> order;
     morton_order(splats.means.span(), order);
     std::vector<int> chosen;
-    for (const int splat : order.span()) {
-        const auto i = static_cast<std::size_t>(splat);
-        if (footprints[i] > 0 && splats.opacities[i] >= min_opacity) chosen.push_back(splat);
-    }
+    for (const int i : order.span())
+        if (footprints[i] > 0 && splats.opacities[i] >= min_opacity) chosen.push_back(i);
     return chosen;
 }
 
 std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
                                      const std::vector<int>& chosen,
                                      const std::vector<float>& footprints,
-                                     PivotKind kind,
                                      float grain,
                                      std::size_t most) {
-    const std::size_t each = pivots_per_splat(kind);
-    if (grain == 0 && chosen.size() * each > most) return std::nullopt;
-    const std::size_t room = std::min(most, chosen.size() * each);
-    SmallSet cells(grain > 0 ? room / each + 1 : 0);
+    const std::size_t room = std::min(most, 2 * chosen.size());
+    SmallSet cells(room / 2 + 1);
     Pivots found;
     found.positions.reserve(room), found.radii.reserve(room), found.splats.reserve(room);
-    for (const int splat : chosen) {
-        const auto i = static_cast<std::size_t>(splat);
+    for (const int i : chosen) {
         const float cell = footprints[i] * grain / 4;
-        if (grain > 0 && !cells.insert(cell_key(splats.means[i], cell))) continue;
-        if (found.size() + each > most) return std::nullopt;
-        append_points(splats, splat, kind, footprints[i] / 4, cell, found);
+        if (!cells.insert(cell_key(splats.means[i], cell))) continue;
+        if (found.size() + 2 > most) return std::nullopt;
+        append_points(splats, i, footprints[i] / 4, cell, found);
     }
     return found;
 }
@@ -158,8 +136,7 @@ std::vector<Vec3i> snap_to_grid(const FieldSplats<Cpu>& splats,
     // Bounds of the splats' centres, so that one huge splat costs the other points no precision.
     Vec3d low{INFINITY, INFINITY, INFINITY}, high = -low;
     for (const int splat : pivots.splats) {
-        const Vec3d p =
-            contraction.contract(vec_cast<double>(splats.means[static_cast<std::size_t>(splat)]));
+        const Vec3d p = contraction.contract(vec_cast<double>(splats.means[splat]));
         for (int axis = 0; axis < 3; ++axis)
             low[axis] = std::min(low[axis], p[axis]), high[axis] = std::max(high[axis], p[axis]);
     }

@@ -10,11 +10,6 @@
 
 namespace tvsgs {
 
-/// Points per splat. pivots: one in front and one behind, three standard deviations along the
-/// shortest axis; corners: the centre and the corners of the box of three standard deviations.
-/// [GOF]
-enum class PivotKind { pivots, corners };
-
 /// All arrays have one entry per point.
 struct Pivots {
     std::vector<Vec3f> positions;  // world units
@@ -40,17 +35,13 @@ std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
                               const std::vector<float>& footprints,
                               float min_opacity);
 
-inline std::size_t pivots_per_splat(PivotKind kind) {
-    return kind == PivotKind::pivots ? 2 : 9;
-}
-
-/// Makes points of the `chosen` splats. With pivots, the standard deviation is at least p / 4, with
-/// the footprint p. Keeps only the first splat of each grid cell, whose size is between p grain / 8
-/// and p grain / 4; with `grain` 0, keeps all. Empty if there would be more than `most` points.
+/// Makes two points of each of the `chosen` splats: in front and behind, three standard deviations
+/// along the shortest axis, of at least p / 4 each, with the footprint p. Keeps only the first
+/// splat of each grid cell, whose size is between p grain / 8 and p grain / 4. Empty if there would
+/// be more than `most` points.
 std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
                                      const std::vector<int>& chosen,
                                      const std::vector<float>& footprints,
-                                     PivotKind kind,
                                      float grain,
                                      std::size_t most);
 

@@ -83,8 +83,7 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
     const double most = std::log(kMaxGain);
     for (Eigen::Index i = 0; i < count; ++i)
         for (int c = 0; c < 3; ++c)
-            views[static_cast<std::size_t>(i)].gain[c] =
-                static_cast<float>(std::exp(std::clamp(gains(i, c), -most, most)));
+            views[i].gain[c] = static_cast<float>(std::exp(std::clamp(gains(i, c), -most, most)));
     parallel_for(Cpu{}, candidates.faces(), [&](int f) {
         for (std::size_t i = candidates.begin[f]; i < candidates.begin[f + 1]; ++i)
             candidates.all[i].color = views[candidates.all[i].view].gain * candidates.all[i].color;
