@@ -10,7 +10,6 @@
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend/mesh_holes.h"
 #include "mesh/mend/mesh_loops.h"
-#include "mesh/mend/mesh_patch.h"
 #include "mesh/mend_shapes.h"
 
 namespace tvsgs {

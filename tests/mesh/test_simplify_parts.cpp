@@ -4,7 +4,6 @@
 #include "mesh/mend/triangle_tree.h"
 #include "mesh/simplify/simplify_collapse.h"
 #include "mesh/simplify/simplify_proof.h"
-#include "mesh/simplify/simplify_tolerance.h"
 #include "mesh/simplify_shapes.h"
 
 namespace tvsgs::test {

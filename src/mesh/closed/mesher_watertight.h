@@ -7,7 +7,7 @@
 
 #include "core/progress.h"
 #include "mesh/closed/view_points.h"
-#include "mesh/fuse/voxel_size.h"
+#include "mesh/fuse/focus.h"
 #include "mesh/mesher.h"
 
 namespace tvsgs {

@@ -1,9 +1,8 @@
-#include "mesh/closed/poisson_points.h"
-
 #include <cmath>
 #include <cstddef>
 
 #include "core/device/parallel.h"
+#include "mesh/closed/poisson_solve.h"
 
 namespace tvsgs {
 namespace {

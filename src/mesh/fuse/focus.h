@@ -1,10 +1,10 @@
-// Finds the point that the cameras look at.
+// Finds the point that the cameras look at, and the voxel size.
 #pragma once
 
 #include <optional>
 #include <vector>
 
-#include "core/scene/camera.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs {
 
@@ -24,5 +24,11 @@ std::optional<Focus> find_focus(const std::vector<Camera>& cameras);
 /// Focus for cameras without one: the point at `depth` in front of their mean centre, along their
 /// mean axis.
 Focus focus_at_depth(const std::vector<Camera>& cameras, double depth);
+
+/// World units: `given`; else `extent` / `resolution`; if both are 0, `extent` / 2048, but at least
+/// `pixels` pixels at half the extent, where the object is. Voxels smaller than a pixel average
+/// nothing and hold only noise.
+float voxel_size(
+    float given, int resolution, float extent, const std::vector<View>& views, float pixels = 1);
 
 }  // namespace tvsgs

@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "mesh/fuse/voxel_size.h"
+#include "mesh/fuse/focus.h"
 
 namespace tvsgs::detail {
 

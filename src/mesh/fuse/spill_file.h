@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,7 @@ namespace tvsgs {
 class SpillFile {
 public:
     /// Makes the folder if it does not exist.
-    explicit SpillFile(const std::string& folder);
+    explicit SpillFile(const std::string& folder) : file_(made(folder), kPurpose) {}
 
     struct Place {
         std::int64_t offset = 0;
@@ -35,6 +36,16 @@ public:
     std::int64_t bytes() const { return bytes_; }
 
 private:
+    static constexpr const char* kPurpose =
+        "what does not fit into --memory is kept in this folder for a while";
+
+    /// Ignores a failure, because creating the file reports it.
+    static const std::string& made(const std::string& folder) {
+        std::error_code code;
+        std::filesystem::create_directories(folder, code);
+        return folder;
+    }
+
     ScratchFile file_;
     std::int64_t bytes_ = 0;
 };

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/progress.h"
-#include "mesh/fuse/pixel_length.h"
+#include "mesh/fuse/depth_view.h"
 #include "mesh/mend/mesh_clean.h"
 #include "mesh/mend/mesh_corners.h"
 

@@ -7,10 +7,9 @@
 #include <utility>
 
 #include "core/device/parallel.h"
-#include "mesh/fuse/pixel_length.h"
+#include "mesh/fuse/depth_view.h"
 #include "mesh/mend/mesh_loops.h"
 #include "mesh/mend/mesh_manifold.h"
-#include "mesh/mend/mesh_patch.h"
 
 namespace tvsgs {
 namespace {

@@ -8,10 +8,34 @@
 #include "mesh/mend/disjoint_sets.h"
 #include "mesh/mend/mesh_clean.h"
 #include "mesh/mend/mesh_corners.h"
-#include "mesh/mend/mesh_edges.h"
 
 namespace tvsgs {
 namespace {
+
+/// The edge from a face's corner to its next corner.
+struct FaceEdge {
+    std::uint64_t key;  // the same in both directions
+    int face, corner;
+};
+
+/// All edges of all faces; edges between the same vertices are adjacent, by face.
+std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
+    std::vector<FaceEdge> edges;
+    edges.reserve(mesh.faces.size() * 3);
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+        for (int k = 0; k < 3; ++k) {
+            const auto a = static_cast<std::uint32_t>(mesh.faces[f][k]);
+            const auto b = static_cast<std::uint32_t>(mesh.faces[f][(k + 1) % 3]);
+            edges.push_back(
+                {std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f), k});
+        }
+    std::sort(edges.begin(), edges.end(), [](const FaceEdge& a, const FaceEdge& b) {
+        return a.key != b.key     ? a.key < b.key
+               : a.face != b.face ? a.face < b.face
+                                  : a.corner < b.corner;
+    });
+    return edges;
+}
 
 bool same_place(Vec3f a, Vec3f b) {
     return a.x == b.x && a.y == b.y && a.z == b.z;

@@ -1,10 +1,10 @@
-#include "mesh/mend/mesh_patch.h"
-
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
+
+#include "mesh/mend/mesh_loops.h"
 
 namespace tvsgs {
 namespace {

@@ -11,9 +11,8 @@
 #include "core/log.h"
 #include "mesh/mend/face_order.h"
 #include "mesh/mend/mesh_clean.h"
-#include "mesh/simplify/simplify_pieces.h"
+#include "mesh/simplify/simplify_collapse.h"
 #include "mesh/simplify/simplify_proof.h"
-#include "mesh/simplify/simplify_tolerance.h"
 
 namespace tvsgs {
 namespace {

@@ -1,9 +1,8 @@
-#include "mesh/simplify/simplify_pieces.h"
-
 #include <algorithm>
 #include <utility>
 
 #include "core/device/parallel.h"
+#include "mesh/simplify/simplify_collapse.h"
 
 namespace tvsgs {
 namespace {

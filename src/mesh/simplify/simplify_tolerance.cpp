@@ -1,11 +1,10 @@
-#include "mesh/simplify/simplify_tolerance.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/device/parallel.h"
 #include "mesh/draw/mesh_render.h"
+#include "mesh/simplify/simplify_proof.h"
 
 namespace tvsgs {
 namespace {

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "mesh/texture/texture_exposure.h"
-#include "mesh/texture/texture_fill.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs {
 namespace texture {

@@ -1,5 +1,3 @@
-#include "mesh/texture/texture_charts.h"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -7,6 +5,7 @@
 #include <tuple>
 
 #include "core/error.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
 namespace {

@@ -1,11 +1,10 @@
-#include "mesh/texture/texture_exposure.h"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "core/device/parallel.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
 namespace {

@@ -1,9 +1,8 @@
-#include "mesh/texture/texture_fill.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "core/device/parallel.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
 namespace {

@@ -1,11 +1,10 @@
-#include "mesh/texture/texture_labels.h"
-
 #include <algorithm>
 #include <atomic>
 #include <numeric>
 #include <tuple>
 
 #include "core/device/parallel.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
 namespace {

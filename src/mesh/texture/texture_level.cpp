@@ -1,11 +1,10 @@
-#include "mesh/texture/texture_level.h"
-
 #include <Eigen/Sparse>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
 #include "core/device/parallel.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
 namespace {

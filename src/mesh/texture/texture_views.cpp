@@ -1,5 +1,3 @@
-#include "mesh/texture/texture_views.h"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -7,6 +5,7 @@
 #include "core/device/parallel.h"
 #include "core/progress.h"
 #include "mesh/draw/mesh_render.h"
+#include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
 namespace {
