@@ -41,8 +41,7 @@ ExtractedMesh close_surface(const ViewPoints& points,
     const std::vector<Vec3f> colors = points.colors();
     const PointTree<float> tree(oriented.positions);
     found.mesh.colors.resize(found.mesh.vertices.size());
-    parallel_for(Cpu{}, static_cast<int>(found.mesh.vertices.size()), [&](int i) {
-        const auto v = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, static_cast<int>(found.mesh.vertices.size()), [&](int v) {
         std::size_t nearest = 0;
         float squared;
         tree.nearest(found.mesh.vertices[v], 1, &nearest, &squared);

@@ -12,15 +12,9 @@ namespace {
 // Least magnitude at a node, so that no vertex coincides with it.
 constexpr float kMinValue = 1e-4f;
 
-/// A block and the layer around it: all nodes of the cells that have a node in the block.
-struct Around {
-    static constexpr int kEdge = kBlockEdge + 2;
-    std::array<bool, kEdge * kEdge * kEdge> inside;
-
-    bool at(Vec3i p) const {
-        return inside[static_cast<std::size_t>(((p.z + 1) * kEdge + p.y + 1) * kEdge + p.x + 1)];
-    }
-};
+/// Whether the nodes of a block and of the layer around it are inside: all nodes of the cells that
+/// have a node in the block.
+using Around = std::array<bool, kHaloNodes>;
 
 /// Bit d, of 27, is set if a cell that the surface crosses has nodes in the block and in its
 /// neighbour in direction d.
@@ -31,11 +25,10 @@ int crossed_neighbours(const Around& around) {
         for (cell.y = -1; cell.y < kBlockEdge; ++cell.y)
             for (cell.x = -1; cell.x < kBlockEdge; ++cell.x) {
                 int inside = 0;
-                for (int c = 0; c < 8; ++c)
-                    inside += around.at(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2});
+                for (int c = 0; c < 8; ++c) inside += around[halo_index(cell + corner_of(c))];
                 if (inside == 0 || inside == 8) continue;
                 for (int c = 0; c < 8; ++c) {
-                    const Vec3i p = cell + Vec3i{c & 1, c >> 1 & 1, c >> 2};
+                    const Vec3i p = cell + corner_of(c);
                     const auto side = [](int i) { return i < 0 ? 0 : i < kBlockEdge ? 1 : 2; };
                     found |= 1 << ((side(p.z) * 3 + side(p.y)) * 3 + side(p.x));
                 }
@@ -55,12 +48,11 @@ std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
             LevelReader reader(field.levels, last);
             const Vec3i origin = kBlockEdge * block_of_key(frontier[i]);
             Around around;
-            std::size_t place = 0;
             Vec3i p;
             for (p.z = -1; p.z <= kBlockEdge; ++p.z)
                 for (p.y = -1; p.y <= kBlockEdge; ++p.y)
                     for (p.x = -1; p.x <= kBlockEdge; ++p.x)
-                        around.inside[place++] = reader.at(origin + p, kOutsideValue) > 0;
+                        around[halo_index(p)] = reader.at(origin + p, kOutsideValue) > 0;
             crossed[i] = crossed_neighbours(around);
         });
         std::vector<std::uint64_t> touched, next;

@@ -235,17 +235,13 @@ std::vector<char> without_unseen_boundaries(const TriangleMesh& mesh,
     };
     const int faces = static_cast<int>(mesh.faces.size());
     std::vector<char> open(mesh.faces.size()), keep(mesh.faces.size());
-    parallel_for(Cpu{}, faces, [&](int i) {
-        const auto f = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, faces, [&](int f) {
         if (const Vec3i face = mesh.faces[f];
             !seen[f] && (is_boundary(face.x, face.y) || is_boundary(face.y, face.z) ||
                          is_boundary(face.z, face.x)))
-            mark(open[sets.find(i)]);
+            mark(open[sets.find(f)]);
     });
-    parallel_for(Cpu{}, faces, [&](int i) {
-        const auto f = static_cast<std::size_t>(i);
-        keep[f] = seen[f] || !open[sets.find(i)];
-    });
+    parallel_for(Cpu{}, faces, [&](int f) { keep[f] = seen[f] || !open[sets.find(f)]; });
     return keep;
 }
 
@@ -280,10 +276,8 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
         report.looked_through += e.looked_through();
         report.single_view += !e.stays() && !e.looked_through() && e.see == 1;
     }
-    parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int i) {
-        const auto f = static_cast<std::size_t>(i);
-        keep[f] = keep[f] && evidence[component[f]].stays();
-    });
+    parallel_for(Cpu{}, static_cast<int>(keep.size()),
+                 [&](int f) { keep[f] = keep[f] && evidence[component[f]].stays(); });
     filter_faces(mesh, keep);
     report.removed_faces = kept - mesh.faces.size();
     return report;

@@ -178,8 +178,7 @@ HoleReport close_holes(TriangleMesh& mesh,
     const Surface surface(mesh, boundary);
     report.loops = boundary.loops.size();
     std::vector<float> pixels(boundary.loops.size());
-    parallel_for(Cpu{}, static_cast<int>(pixels.size()), [&](int i) {
-        const auto l = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, static_cast<int>(pixels.size()), [&](int l) {
         pixels[l] = pixel_of_small(surface, boundary.loops[l], cameras, largest_px);
     });
     std::vector<Filling> fillings;

@@ -126,8 +126,7 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
         boundary.edge_counts.resize(boundary.vertices.size());
     std::vector<std::vector<int>> joined(
         boundary.vertices.size());  // neighbours of each, ascending
-    parallel_for(Cpu{}, count, [&](int i) {
-        const auto place = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, count, [&](int place) {
         Vec3d sum;
         std::vector<int>& others = joined[place];
         corners.for_each(boundary.vertices[place], [&](std::uint32_t f, int k) {

@@ -189,8 +189,7 @@ struct TriangleTree::Builder {
         for (int level = 0; level < kLevels; ++level) {
             const std::size_t end = parts.size();
             std::vector<std::size_t> middles(end - begin);
-            parallel_for_heavy(Cpu{}, static_cast<int>(end - begin), [&](int i) {
-                const auto at = static_cast<std::size_t>(i);
+            parallel_for_heavy(Cpu{}, static_cast<int>(end - begin), [&](int at) {
                 Part& part = parts[begin + at];
                 middles[at] = part.last - part.first > kTask
                                   ? add_node(part.first, part.last, part.depth, part.nodes)
@@ -248,26 +247,11 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) 
     if (items.empty()) return;
     nodes_ = Builder{items, left_out_ > 0 ? std::vector<std::uint32_t>() : order.codes}.build();
     triangles_.resize(items.size());
-    parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int at) {
         const Vec3i face = mesh.faces[items[at].face];
         triangles_[at] = {mesh.vertices[face.x], mesh.vertices[face.y], mesh.vertices[face.z],
                           items[at].face};
     });
-}
-
-int TriangleTree::depth() const {
-    int deepest = 0;
-    std::vector<std::pair<std::uint32_t, int>> stack{{0, 0}};
-    while (!empty() && !stack.empty()) {
-        const auto [at, depth] = stack.back();
-        stack.pop_back();
-        deepest = std::max(deepest, depth);
-        if (nodes_[at].count > 0) continue;
-        stack.push_back({at + 1, depth + 1});
-        stack.push_back({at + nodes_[at].place, depth + 1});
-    }
-    return deepest;
 }
 
 double TriangleTree::distance(Vec3d p, double limit, std::size_t* start) const {

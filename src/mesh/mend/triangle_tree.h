@@ -28,12 +28,9 @@ public:
     std::size_t size() const { return triangles_.size(); }
     /// Number of faces left out.
     std::size_t left_out() const { return left_out_; }
-    /// Depth of the deepest leaf; the root has depth 0. At most 48 plus the logarithm of the number
-    /// of triangles.
-    int depth() const;
     /// Bounds of all triangles; undefined if empty().
-    Vec3d lower() const { return corner(0); }
-    Vec3d upper() const { return corner(1); }
+    Vec3d lower() const { return vec_cast<double>(nodes_[0].lower); }
+    Vec3d upper() const { return vec_cast<double>(nodes_[0].upper); }
 
     /// Distance of p to the surface; infinite if it is `limit` or more. `start`: the triangle to
     /// try first, replaced by the nearest one; it does not affect the distance.
@@ -66,6 +63,7 @@ public:
     }
 
 private:
+    // Leaves are at most 48 plus the logarithm of the number of triangles deep.
     static constexpr int kMaxDepth = 128;
 
     struct Triangle {
@@ -134,10 +132,6 @@ private:
     }
 
     struct Builder;
-
-    Vec3d corner(int side) const {
-        return vec_cast<double>(side == 0 ? nodes_[0].lower : nodes_[0].upper);
-    }
 
     std::vector<Node> nodes_;
     std::vector<Triangle> triangles_;  // in the order of the leaves

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/scene/view_frustum.h"
 #include "mesh/mend/face_order.h"
 #include "mesh/mend/mesh_clean.h"
 #include "mesh/simplify/simplify_collapse.h"
@@ -26,14 +27,9 @@ constexpr double kTighter = 0.9;
 
 /// The centre of the bounding box.
 Vec3d middle_of(const std::vector<Vec3f>& middles) {
-    constexpr float kFar = std::numeric_limits<float>::infinity();
-    Vec3f low{kFar, kFar, kFar}, high = -low;
-    for (const Vec3f& p : middles)
-        for (int axis = 0; axis < 3; ++axis) {
-            low[axis] = std::min(low[axis], p[axis]);
-            high[axis] = std::max(high[axis], p[axis]);
-        }
-    return 0.5 * (vec_cast<double>(low) + vec_cast<double>(high));
+    Box3f box;
+    for (const Vec3f& p : middles) box.add(p);
+    return 0.5 * (vec_cast<double>(box.low) + vec_cast<double>(box.high));
 }
 
 /// Centroids of faces. position(v): of a vertex.
@@ -75,10 +71,8 @@ struct Original {
 /// Increases tolerances where no view sees the surface.
 void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double tolerance_px) {
     std::vector<Vec3f> points(mesh.positions.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const auto v = static_cast<std::size_t>(i);
-        points[v] = vec_cast<float>(mesh.positions[v] + original.origin);
-    });
+    parallel_for(Cpu{}, static_cast<int>(points.size()),
+                 [&](int v) { points[v] = vec_cast<float>(mesh.positions[v] + original.origin); });
     std::vector<float> lengths = pixel_lengths({points, {}, mesh.faces}, points, original.cameras);
     // A coarse face near a depth edge may hide more than the fine faces did, so vertices within two
     // edges of a visible one count as visible.
@@ -92,8 +86,7 @@ void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double
             }
         }
     }
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const auto v = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int v) {
         const double tolerance = tolerance_px * double(lengths[v]);
         if (!(tolerance > mesh.tolerances[v])) return;
         const double ratio = mesh.tolerances[v] / tolerance;

@@ -5,11 +5,8 @@
 #include "mesh/simplify/simplify_collapse.h"
 
 namespace tvsgs {
-namespace {
 
 using Groups = std::vector<std::vector<int>>;
-
-}  // namespace
 
 Groups runs_of(const std::vector<int>& order, std::size_t most, std::size_t first) {
     std::vector<std::size_t> begins;
@@ -143,7 +140,7 @@ void add_planes(CollapsibleMesh& to,
                 upright.add_plane(cross(along / length, normal), corner(k), length,
                                   std::min(tolerance(k), tolerance(k + 1)));
             for (const int end : {face[k], face[(k + 1) % 3]})
-                boundary_at(to, std::size_t(end)).add(upright);
+                boundary_at(to, end).add(upright);
         }
     }
 }
@@ -193,7 +190,7 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
             const int v = piece.vertices[i];
             int& at = place[v];
             if (at == kNobody) at = static_cast<int>(all.positions.size()), add_shared(v, all);
-            add_quadrics(piece.mesh, i, all, std::size_t(at));
+            add_quadrics(piece.mesh, i, all, at);
         }
     parallel_for_heavy(Cpu{}, static_cast<int>(pieces.size()), [&](int p) {
         const Piece& piece = pieces[p];
@@ -227,8 +224,7 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                                    const Groups& groups,
                                    double largest_cost) {
     Division division(mesh.faces, mesh.vertices.size(), groups);
-    const auto add = [&](int vertex, bool fixed, CollapsibleMesh& to) {
-        const auto v = static_cast<std::size_t>(vertex);
+    const auto add = [&](int v, bool fixed, CollapsibleMesh& to) {
         add_vertex(to, vec_cast<double>(mesh.vertices[v]) - origin, tolerances[v],
                    fixed || edges.fixed[v]);
     };
@@ -250,8 +246,7 @@ CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
                                    double largest_cost,
                                    std::vector<char>& seams) {
     Division division(mesh.faces, mesh.positions.size(), groups);
-    const auto add = [&](int vertex, bool fixed, CollapsibleMesh& to) {
-        const auto v = static_cast<std::size_t>(vertex);
+    const auto add = [&](int v, bool fixed, CollapsibleMesh& to) {
         add_vertex(to, mesh.positions[v], mesh.tolerances[v], fixed || mesh.fixed[v]);
     };
     std::vector<Piece> pieces(groups.size());
@@ -260,14 +255,14 @@ CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
         for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
             add(piece.vertices[i], i >= piece.own, piece.mesh);
             if (i < piece.own)
-                add_quadrics(mesh, static_cast<std::size_t>(piece.vertices[i]), piece.mesh, i);
+                add_quadrics(mesh, piece.vertices[i], piece.mesh, i);
         }
         collapse_edges(piece.mesh, largest_cost, 0);
         pieces[g] = without_unused(std::move(piece));
     });
     CollapsibleMesh all = join(pieces, mesh.positions.size(), [&](int v, CollapsibleMesh& to) {
         add(v, false, to);
-        add_quadrics(mesh, static_cast<std::size_t>(v), to, to.positions.size() - 1);
+        add_quadrics(mesh, v, to, to.positions.size() - 1);
     });
     // Shared vertices come last.
     std::size_t own = 0;

@@ -40,14 +40,13 @@ std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
         std::uint64_t code;
     };
     std::vector<Key> keys(points.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
         const auto word = [&](int axis) { return static_cast<std::uint32_t>(points[i][axis]); };
         const std::uint32_t bits = philox({{word(0), word(1), word(2), 0}}, 0, 0).v[0];
         std::uint64_t code = 0;
         for (int axis = 0; axis < 3; ++axis)
             code |= spread_bits(word(axis) >> (kGridBits - 21)) << axis;
-        keys[i] = {32u - static_cast<std::uint32_t>(std::countr_zero(bits)), index, code};
+        keys[i] = {32u - static_cast<std::uint32_t>(std::countr_zero(bits)), i, code};
     });
     std::sort(keys.begin(), keys.end(), [&](const Key& a, const Key& b) {
         if (a.round != b.round) return a.round < b.round;

@@ -10,10 +10,8 @@ namespace texture {
 namespace {
 
 /// Sets the texture coordinates of all faces.
-void set_places(const TriangleMesh& mesh,
-                const std::vector<PhotoView>& views,
-                const Atlas& atlas,
-                MeshTexture& out) {
+void set_places(const Subject& in, const Atlas& atlas, MeshTexture& out) {
+    const TriangleMesh& mesh = in.mesh;
     const auto add = [&](Rect rect, Vec2<double> at) {
         out.places.push_back({static_cast<float>((rect.x + at.x) / atlas.width),
                               static_cast<float>((rect.y + at.y) / atlas.height)});
@@ -29,7 +27,7 @@ void set_places(const TriangleMesh& mesh,
                 if (last_chart[vertex] != static_cast<int>(k)) {
                     last_chart[vertex] = static_cast<int>(k);
                     const Projection p =
-                        views[chart.view].project(vec_cast<double>(mesh.vertices[vertex]));
+                        in.views[chart.view].project(vec_cast<double>(mesh.vertices[vertex]));
                     place[vertex] = add(chart.rect, place_in(chart, atlas.scale, p));
                 }
                 out.faces[f][c] = place[vertex];
@@ -39,14 +37,6 @@ void set_places(const TriangleMesh& mesh,
         const Tile& shown = tile.same_as < 0 ? tile : atlas.tiles[tile.same_as];
         for (int c = 0; c < 3; ++c) out.faces[tile.face][c] = add(shown.rect, shown.corners[c]);
     }
-}
-
-Vec3f mean_color(const Candidates& candidates) {
-    Vec3d sum{};
-    for (const Candidate& c : candidates.all) sum += vec_cast<double>(c.color);
-    return candidates.all.empty()
-               ? kGrey
-               : vec_cast<float>(sum / static_cast<double>(candidates.all.size()));
 }
 
 }  // namespace
@@ -65,20 +55,15 @@ MeshTexture make_texture(const TriangleMesh& mesh,
     Candidates candidates = clock("views", [&] { return find_candidates(mesh, photos, sights); });
     clock("exposures", [&] { level_exposures(candidates, photos), drop_outliers(candidates); });
     const std::vector<SharedEdge> edges = clock("edges", [&] { return shared_edges(mesh); });
-    const std::vector<int> view_of_face =
-        clock("choice", [&] { return choose_views(mesh, candidates, edges); });
-    const Atlas atlas = clock("charts", [&] {
-        return lay_out(mesh, photos, candidates, view_of_face, edges, options.max_side,
-                       options.fixed_side);
-    });
+    const Subject in{mesh, photos, candidates, edges};
+    const std::vector<int> view_of_face = clock("choice", [&] { return choose_views(in); });
+    const Atlas atlas = clock(
+        "charts", [&] { return lay_out(in, view_of_face, options.max_side, options.fixed_side); });
     int compared = 0;
-    const std::vector<Correction> corrections = clock("seams", [&] {
-        return level_seams(mesh, photos, candidates, atlas.charts, edges, compared);
-    });
-    out.image = clock("pixels", [&] {
-        return fill_texture(mesh, photos, atlas, corrections, mean_color(candidates), sights);
-    });
-    clock("places", [&] { set_places(mesh, photos, atlas, out); });
+    const std::vector<Correction> corrections =
+        clock("seams", [&] { return level_seams(in, atlas.charts, compared); });
+    out.image = clock("pixels", [&] { return fill_texture(in, atlas, corrections, sights); });
+    clock("places", [&] { set_places(in, atlas, out); });
 
     if (report) {
         *report = {};

@@ -18,12 +18,9 @@ constexpr double kMaxLength = 1024;  // of a partly visible face
 constexpr double kShareOfUnseen = 0.25;
 constexpr int kColorSteps = 32;  // per channel, of flat tiles
 
-std::vector<Chart> charts_of(const TriangleMesh& mesh,
-                             const std::vector<PhotoView>& views,
-                             const std::vector<int>& view_of_face,
-                             const std::vector<SharedEdge>& edges) {
+std::vector<Chart> charts_of(const Subject& in, const std::vector<int>& view_of_face) {
     int count = 0;
-    const std::vector<int> part = connected_parts(view_of_face, edges, count);
+    const std::vector<int> part = connected_parts(view_of_face, in.edges, count);
     std::vector<Chart> charts(count);
     for (std::size_t f = 0; f < part.size(); ++f) {
         if (part[f] < 0) continue;
@@ -34,8 +31,8 @@ std::vector<Chart> charts_of(const TriangleMesh& mesh,
         }
         chart.faces.push_back(static_cast<int>(f));
         for (int c = 0; c < 3; ++c) {
-            const Projection p =
-                views[chart.view].project(vec_cast<double>(mesh.vertices[mesh.faces[f][c]]));
+            const Projection p = in.views[chart.view].project(
+                vec_cast<double>(in.mesh.vertices[in.mesh.faces[f][c]]));
             const double at[2] = {p.u, p.v};
             for (int i = 0; i < 2; ++i) {
                 chart.bounds[i] = std::min(chart.bounds[i], at[i]);
@@ -135,19 +132,17 @@ void share_tiles(const TriangleMesh& mesh, std::vector<Tile>& tiles) {
 
 }  // namespace
 
-Atlas lay_out(const TriangleMesh& mesh,
-              const std::vector<PhotoView>& views,
-              const Candidates& candidates,
+Atlas lay_out(const Subject& in,
               const std::vector<int>& view_of_face,
-              const std::vector<SharedEdge>& edges,
               int max_side,
               bool fixed_side) {
+    const TriangleMesh& mesh = in.mesh;
     Atlas atlas;
-    atlas.charts = charts_of(mesh, views, view_of_face, edges);
+    atlas.charts = charts_of(in, view_of_face);
     double unseen = 0;
     for (std::size_t f = 0; f < view_of_face.size(); ++f) {
         if (view_of_face[f] >= 0) continue;
-        atlas.tiles.push_back(tile_of(mesh, static_cast<int>(f), candidates.seen_pixel[f]));
+        atlas.tiles.push_back(tile_of(mesh, static_cast<int>(f), in.candidates.seen_pixel[f]));
         unseen += !atlas.tiles.back().seen;
     }
     const double tile_area = (kUnseenLength + 3) * (kUnseenLength + 3);

@@ -10,6 +10,16 @@ namespace {
 constexpr double kCovered_px = 0.75;     // a texel counts as covered up to so far beside a face
 constexpr double kMinTileCosine = 0.05;  // of views that show parts of a face
 
+constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};  // of faces without a colour
+
+Vec3f mean_color(const Candidates& candidates) {
+    Vec3d sum{};
+    for (const Candidate& c : candidates.all) sum += vec_cast<double>(c.color);
+    return candidates.all.empty()
+               ? kGrey
+               : vec_cast<float>(sum / static_cast<double>(candidates.all.size()));
+}
+
 void set_texel(ImageU8& image, int x, int y, Vec3f color) {
     for (int c = 0; c < 3; ++c) {
         const float value = color[c] > 0 ? std::min(color[c], 1.0f) : 0;  // NaN: 0
@@ -98,12 +108,13 @@ void for_covered(const Vec2<double> (&p)[3], Rect rect, const Set& set) {
         }
 }
 
-void fill_chart(const TriangleMesh& mesh,
-                const PhotoView& view,
+void fill_chart(const Subject& in,
                 const Chart& chart,
                 const Correction& correction,
                 double scale,
                 ImageU8& image) {
+    const TriangleMesh& mesh = in.mesh;
+    const PhotoView& view = in.views[chart.view];
     Patch patch(chart.rect);
     // 1. The face of each texel; a face that contains its centre wins.
     struct Cover {
@@ -209,18 +220,15 @@ Vec3f vertex_color(const TriangleMesh& mesh, int face, Vec3d weights) {
     return color;
 }
 
-void fill_tiles(const TriangleMesh& mesh,
-                const std::vector<PhotoView>& views,
-                const std::vector<Tile>& tiles,
-                Sights& sights,
-                ImageU8& image) {
+void fill_tiles(const Subject& in, const std::vector<Tile>& tiles, Sights& sights, ImageU8& image) {
+    const TriangleMesh& mesh = in.mesh;
     std::vector<TileColors> seen;
     for (const Tile& tile : tiles)
         if (tile.seen) seen.emplace_back(tile);
-    for (std::size_t v = 0; v < views.size() && !seen.empty(); ++v) {
+    for (std::size_t v = 0; v < in.views.size() && !seen.empty(); ++v) {
         const SightMaps maps = sights.of(static_cast<int>(v));
         parallel_for_heavy(Cpu{}, static_cast<int>(seen.size()),
-                           [&](int i) { seen[i].add(mesh, views[v], maps); });
+                           [&](int i) { seen[i].add(mesh, in.views[v], maps); });
     }
     const auto put = [&](const Tile& tile, const TileColors* colors) {
         const TilePlaces places(FaceShape(mesh, tile.face), tile);
@@ -244,21 +252,19 @@ Vec2<double> place_in(const Chart& chart, double scale, const Projection& p) {
     return {p.u * scale - chart.left, p.v * scale - chart.top};
 }
 
-ImageU8 fill_texture(const TriangleMesh& mesh,
-                     const std::vector<PhotoView>& views,
+ImageU8 fill_texture(const Subject& in,
                      const Atlas& atlas,
                      const std::vector<Correction>& corrections,
-                     Vec3f ground,
                      Sights& sights) {
     ImageU8 image(atlas.width, atlas.height, 3);
+    const Vec3f ground = mean_color(in.candidates);
     parallel_for_heavy(Cpu{}, atlas.height, [&](int y) {
         for (int x = 0; x < atlas.width; ++x) set_texel(image, x, y, ground);
     });
     parallel_for_heavy(Cpu{}, static_cast<int>(atlas.charts.size()), [&](int k) {
-        const Chart& chart = atlas.charts[k];
-        fill_chart(mesh, views[chart.view], chart, corrections[k], atlas.scale, image);
+        fill_chart(in, atlas.charts[k], corrections[k], atlas.scale, image);
     });
-    fill_tiles(mesh, views, atlas.tiles, sights, image);
+    fill_tiles(in, atlas.tiles, sights, image);
     return image;
 }
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <atomic>
-#include <numeric>
 #include <tuple>
 
 #include "core/device/parallel.h"
+#include "mesh/mend/disjoint_sets.h"
 #include "mesh/texture/texture_steps.h"
 
 namespace tvsgs::texture {
@@ -40,10 +40,9 @@ struct Costs {
     std::vector<float> best;         // quality
     std::vector<float> edge_length;  // mean over its faces
 
-    Costs(const TriangleMesh& mesh,
-          const Candidates& candidates,
-          const std::vector<SharedEdge>& edges)
-        : area(mesh.faces.size(), 0), best(mesh.faces.size(), 0), edge_length(edges.size(), 0) {
+    explicit Costs(const Subject& in)
+        : area(in.mesh.faces.size()), best(area.size()), edge_length(in.edges.size()) {
+        const auto& [mesh, views, candidates, edges] = in;
         std::vector<float> per_unit(mesh.faces.size(), 0);
         parallel_for(Cpu{}, candidates.faces(), [&](int f) {
             for (const Candidate& c : candidates.of(f))
@@ -61,20 +60,18 @@ struct Costs {
     }
 };
 
-const Candidate* find_view(Span<const Candidate> of, int view) {
-    for (const Candidate& c : of)
-        if (c.view == view) return &c;
-    return nullptr;
+bool shows(Span<const Candidate> of, int view) {
+    return std::any_of(of.begin(), of.end(), [&](const Candidate& c) { return c.view == view; });
 }
 
 /// Chooses a view for one face after another while the others are fixed.
 class Choice {
 public:
-    Choice(const Candidates& candidates, const std::vector<SharedEdge>& edges, const Costs& costs)
-        : candidates_(candidates),
-          edges_(edges),
+    Choice(const Subject& in, const Costs& costs)
+        : candidates_(in.candidates),
+          edges_(in.edges),
           costs_(costs),
-          edges_of_(edges_of_faces(costs.area.size(), edges)),
+          edges_of_(edges_of_faces(costs.area.size(), edges_)),
           waiting_(costs.area.size(), 1) {
         // Faces of one colour do not touch, so their order does not matter.
         std::vector<std::uint8_t> color(edges_of_.size(), kColors);
@@ -83,7 +80,7 @@ public:
             for (const int e : edges_of_[f]) taken[color[other_face(edges_[e], f)]] = true;
             color[f] = 0;
             while (taken[color[f]]) ++color[f];
-            if (candidates.of(f).count > 1) faces_[color[f]].push_back(f);
+            if (candidates_.of(f).count > 1) faces_[color[f]].push_back(f);
         }
     }
     /// One pass over the faces with a changed neighbour; returns whether any face changed.
@@ -140,10 +137,8 @@ struct Border {
 };
 
 /// Gives each small part the view along most of its border, among views that show all of its faces.
-bool join_islands(const Candidates& candidates,
-                  const std::vector<SharedEdge>& edges,
-                  const Costs& costs,
-                  std::vector<int>& views) {
+bool join_islands(const Subject& in, const Costs& costs, std::vector<int>& views) {
+    const std::vector<SharedEdge>& edges = in.edges;
     int count = 0;
     const std::vector<int> parts = connected_parts(views, edges, count);
     std::vector<double> area(count, 0);
@@ -180,7 +175,7 @@ bool join_islands(const Candidates& candidates,
                  ++end)
                 length += double{borders[end].length};
             if (length > longest && std::all_of(faces[part].begin(), faces[part].end(), [&](int f) {
-                    return find_view(candidates.of(f), view) != nullptr;
+                    return shows(in.candidates.of(f), view);
                 }))
                 best = view, longest = length;
         }
@@ -236,44 +231,35 @@ std::vector<SharedEdge> shared_edges(const TriangleMesh& mesh) {
     return out;
 }
 
-std::vector<int> choose_views(const TriangleMesh& mesh,
-                              const Candidates& candidates,
-                              const std::vector<SharedEdge>& edges) {
-    const Costs costs(mesh, candidates, edges);
-    std::vector<int> views(mesh.faces.size(), -1);
+std::vector<int> choose_views(const Subject& in) {
+    const Candidates& candidates = in.candidates;
+    const Costs costs(in);
+    std::vector<int> views(in.mesh.faces.size(), -1);
     parallel_for(Cpu{}, candidates.faces(), [&](int f) {
         float best = -1;
         for (const Candidate& c : candidates.of(f))
             if (c.quality > best) best = c.quality, views[f] = c.view;
     });
-    Choice choice(candidates, edges, costs);
+    Choice choice(in, costs);
     for (int sweep = 0; sweep < kSweeps; ++sweep)
         if (!choice.improve(views)) break;
     for (int pass = 0; pass < kIslandPasses; ++pass)
-        if (!join_islands(candidates, edges, costs, views)) break;
+        if (!join_islands(in, costs, views)) break;
     return views;
 }
 
 std::vector<int> connected_parts(const std::vector<int>& views,
                                  const std::vector<SharedEdge>& edges,
                                  int& count) {
-    std::vector<int> root(views.size());
-    std::iota(root.begin(), root.end(), 0);
-    const auto find = [&](int f) {
-        while (root[f] != f) f = root[f] = root[root[f]];
-        return f;
-    };
-    for (const SharedEdge& edge : edges) {
-        if (views[edge.faces[0]] < 0 || views[edge.faces[0]] != views[edge.faces[1]]) continue;
-        const int a = find(edge.faces[0]), b = find(edge.faces[1]);
-        root[std::max(a, b)] = std::min(a, b);  // the first face of a part is its root
-    }
+    DisjointSets sets(views.size());
+    for (const auto& [faces, vertices] : edges)
+        if (views[faces[0]] >= 0 && views[faces[0]] == views[faces[1]])
+            sets.unite(faces[0], faces[1]);
     count = 0;
     std::vector<int> part(views.size(), -1);
-    for (std::size_t f = 0; f < views.size(); ++f) {
-        if (views[f] < 0) continue;
-        const int first = find(static_cast<int>(f));
-        part[f] = first == static_cast<int>(f) ? count++ : part[first];
+    for (int f = 0; f < static_cast<int>(views.size()); ++f) {
+        const int first = sets.find(f);
+        if (views[f] >= 0) part[f] = first == f ? count++ : part[first];
     }
     return part;
 }

@@ -45,11 +45,12 @@ Correction grid_of(const Chart& chart, double spacing) {
 }
 
 /// Marks the values around the faces of a chart, because most of its rectangle can be empty.
-void mark_used(const TriangleMesh& mesh,
-               const PhotoView& view,
+void mark_used(const Subject& in,
                const Chart& chart,
                const Correction& grid,
                std::vector<int>& used) {
+    const TriangleMesh& mesh = in.mesh;
+    const PhotoView& view = in.views[chart.view];
     for (const int f : chart.faces) {
         double low[2] = {1e30, 1e30}, high[2] = {-1e30, -1e30};
         for (int c = 0; c < 3; ++c) {
@@ -76,14 +77,11 @@ struct Unknowns {
     std::vector<std::vector<int>> numbers;
     int count = 0;
 
-    Unknowns(const TriangleMesh& mesh,
-             const std::vector<PhotoView>& views,
-             const std::vector<Chart>& charts,
-             double spacing) {
+    Unknowns(const Subject& in, const std::vector<Chart>& charts, double spacing) {
         for (const Chart& chart : charts) {
             grids.push_back(grid_of(chart, spacing));
             std::vector<int> used(grids.back().values.size(), 0);
-            mark_used(mesh, views[chart.view], chart, grids.back(), used);
+            mark_used(in, chart, grids.back(), used);
             for (int& number : used) number = number ? count++ : -1;
             numbers.push_back(std::move(used));
         }
@@ -114,16 +112,12 @@ struct ChartTarget {
     std::vector<double> weights;
     std::vector<Vec3d> sums;
 
-    ChartTarget(const TriangleMesh& mesh,
-                const Candidates& candidates,
-                const PhotoView& view,
-                const Chart& chart,
-                const Correction& grid)
+    ChartTarget(const Subject& in, const Chart& chart, const Correction& grid)
         : weights(grid.values.size(), 0), sums(grid.values.size()) {
         for (const int f : chart.faces) {
-            const FaceShape shape(mesh, f);
-            const Difference difference(candidates, shape, f, chart.view);
-            const Projection at = view.project(shape.centre);
+            const FaceShape shape(in.mesh, f);
+            const Difference difference(in.candidates, shape, f, chart.view);
+            const Projection at = in.views[chart.view].project(shape.centre);
             const Weights w = weights_at(grid, at.u, at.v);
             for (int j = 0; j < 4; ++j) {
                 const double weight = kAgreement * difference.pixels * w.weight[j];
@@ -141,11 +135,10 @@ struct SeamPlace {
 };
 
 /// Points along all edges between charts.
-std::vector<SeamPlace> seam_places(const TriangleMesh& mesh,
-                                   const std::vector<PhotoView>& views,
+std::vector<SeamPlace> seam_places(const Subject& in,
                                    const std::vector<Chart>& charts,
-                                   const std::vector<SharedEdge>& edges,
                                    const Unknowns& unknowns) {
+    const auto& [mesh, views, candidates, edges] = in;
     std::vector<int> chart_of(mesh.faces.size(), -1);
     for (std::size_t k = 0; k < charts.size(); ++k)
         for (const int f : charts[k].faces) chart_of[f] = static_cast<int>(k);
@@ -200,27 +193,22 @@ Vec3f Correction::at(double u, double v) const {
     return sum;
 }
 
-std::vector<Correction> level_seams(const TriangleMesh& mesh,
-                                    const std::vector<PhotoView>& views,
-                                    const Candidates& candidates,
+std::vector<Correction> level_seams(const Subject& in,
                                     const std::vector<Chart>& charts,
-                                    const std::vector<SharedEdge>& edges,
                                     int& compared) {
     compared = 0;
     if (charts.empty()) return {};
     double spacing = kSpacing_px;
-    Unknowns unknowns(mesh, views, charts, spacing);
+    Unknowns unknowns(in, charts, spacing);
     while (unknowns.count > kMaxValues && spacing < 1e4)
-        unknowns = Unknowns(mesh, views, charts, spacing *= 2);
+        unknowns = Unknowns(in, charts, spacing *= 2);
 
     std::vector<Eigen::Triplet<double>> entries;
     Eigen::MatrixXd b = Eigen::MatrixXd::Zero(unknowns.count, 3);
     // 1. Brightness near the mean of all views, and similar neighbouring values.
     std::vector<std::optional<ChartTarget>> targets(charts.size());
-    parallel_for_heavy(Cpu{}, static_cast<int>(charts.size()), [&](int k) {
-        const Chart& chart = charts[k];
-        targets[k].emplace(mesh, candidates, views[chart.view], chart, unknowns.grids[k]);
-    });
+    parallel_for_heavy(Cpu{}, static_cast<int>(charts.size()),
+                       [&](int k) { targets[k].emplace(in, charts[k], unknowns.grids[k]); });
     for (std::size_t k = 0; k < charts.size(); ++k) {
         const Correction& grid = unknowns.grids[k];
         const std::vector<int>& number = unknowns.numbers[k];
@@ -241,7 +229,7 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
             }
     }
     // 2. Equal colour on both sides of an edge.
-    const std::vector<SeamPlace> places = seam_places(mesh, views, charts, edges, unknowns);
+    const std::vector<SeamPlace> places = seam_places(in, charts, unknowns);
     for (const SeamPlace& place : places)
         for (int j = 0; j < 8; ++j) {
             if (place.weight[j] == 0) continue;

@@ -117,13 +117,19 @@ struct SharedEdge {
 /// All of them, by vertices; without boundary edges and edges of more than two faces.
 std::vector<SharedEdge> shared_edges(const TriangleMesh& mesh);
 
+/// Inputs of the steps below.
+struct Subject {
+    const TriangleMesh& mesh;
+    const std::vector<PhotoView>& views;
+    const Candidates& candidates;
+    const std::vector<SharedEdge>& edges;
+};
+
 /// The view of each face; -1 if none shows it completely. The cost of a view is the face's area, in
 /// pixels, times the relative loss of quality against the best view; an edge between two views
 /// costs its length. Starts from the best views and changes face by face until none improves. Then
 /// parts of less than 50 pixels take the view of a neighbour that shows them.
-std::vector<int> choose_views(const TriangleMesh& mesh,
-                              const Candidates& candidates,
-                              const std::vector<SharedEdge>& edges);
+std::vector<int> choose_views(const Subject& in);
 
 /// Connected faces of one view: the part of each face, -1 for faces without a view. Parts are
 /// numbered by their first faces. `count`: number of parts.
@@ -169,11 +175,8 @@ struct Atlas {
 
 /// Packs charts of faces with a view and tiles of the others into shelves, the highest first.
 /// Shrinks them in steps of 5 % until they fit into `max_side`.
-Atlas lay_out(const TriangleMesh& mesh,
-              const std::vector<PhotoView>& views,
-              const Candidates& candidates,
+Atlas lay_out(const Subject& in,
               const std::vector<int>& view_of_face,
-              const std::vector<SharedEdge>& edges,
               int max_side,
               bool fixed_side);
 
@@ -190,24 +193,17 @@ struct Correction {
 /// One correction per chart, by least squares of: the steps along all edges between charts, the
 /// difference of each face from the mean of all views, and the differences of neighbouring values.
 /// [docs/method/texture.md#seams] `compared`: number of sample points on edges.
-std::vector<Correction> level_seams(const TriangleMesh& mesh,
-                                    const std::vector<PhotoView>& views,
-                                    const Candidates& candidates,
+std::vector<Correction> level_seams(const Subject& in,
                                     const std::vector<Chart>& charts,
-                                    const std::vector<SharedEdge>& edges,
                                     int& compared);
-
-inline constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};  // of faces without a colour
 
 /// Texels from the corner of the chart's rectangle.
 Vec2<double> place_in(const Chart& chart, double scale, const Projection& p);
 
-/// Draws charts with their corrections, and tiles, on a background of one colour.
-ImageU8 fill_texture(const TriangleMesh& mesh,
-                     const std::vector<PhotoView>& views,
+/// Draws charts with their corrections, and tiles, on a background of the mean colour.
+ImageU8 fill_texture(const Subject& in,
                      const Atlas& atlas,
                      const std::vector<Correction>& corrections,
-                     Vec3f ground,
                      Sights& sights);
 
 }  // namespace tvsgs::texture
