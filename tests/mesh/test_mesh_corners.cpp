@@ -11,9 +11,9 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "mesh/mend/disjoint_sets.h"
-#include "mesh/mend/face_order.h"
 #include "mesh/mend/mesh_clean.h"
 #include "mesh/mend/mesh_corners.h"
+#include "mesh/mend/triangle_tree.h"
 
 namespace tvsgs {
 namespace {

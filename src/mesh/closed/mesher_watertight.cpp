@@ -1,19 +1,10 @@
 #include "mesh/closed/mesher_watertight.h"
 
-#include <algorithm>
-
 #include "core/device/parallel.h"
 #include "core/log.h"
 #include "core/math/point_tree.h"
-#include "mesh/fuse/device_algorithms.h"
 
 namespace tvsgs::detail {
-
-std::int64_t bytes_for_closing(std::int64_t max_bytes) {
-    constexpr double kShareOfFreeMemory = 0.8;
-    return std::min(max_bytes, static_cast<std::int64_t>(kShareOfFreeMemory *
-                                                         static_cast<double>(free_bytes(Cpu{}))));
-}
 
 ExtractedMesh close_surface(const ViewPoints& points,
                             const EvidenceSource& evidence,

@@ -7,15 +7,13 @@
 
 #include "core/progress.h"
 #include "mesh/closed/view_points.h"
+#include "mesh/fuse/device_algorithms.h"
 #include "mesh/fuse/focus.h"
 #include "mesh/mesher.h"
 
 namespace tvsgs {
 
 namespace detail {
-
-/// Bytes of host memory that the reconstruction may use.
-std::int64_t bytes_for_closing(std::int64_t max_bytes);
 
 /// Reconstructs the closed surface of `points`, with vertex colours.
 ExtractedMesh close_surface(const ViewPoints& points,
@@ -37,7 +35,7 @@ public:
 
     ExtractedMesh extract(const MesherInputs<Device>& in) override {
         const EvidenceSource evidence = evidence_of(in.depth);
-        const std::int64_t max_bytes = detail::bytes_for_closing(in.max_bytes);
+        const std::int64_t max_bytes = host_budget(in.max_bytes);
         ViewPoints points(
             voxel_size(given_size_, resolution_, in.depth.rules().depth_max, in.views));
         Progress progress("depth maps", in.depth.size());

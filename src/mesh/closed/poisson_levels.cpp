@@ -1,10 +1,9 @@
-#include "mesh/closed/poisson_levels.h"
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "core/device/parallel.h"
+#include "mesh/closed/poisson.h"
 #include "mesh/fuse/device_algorithms.h"
 
 namespace tvsgs {

@@ -187,7 +187,7 @@ Densities measure_densities(const OrientedPoints& points, const std::vector<floa
         }
     }
     std::vector<int> sorted = found.levels;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    const auto middle = sorted.begin() + sorted.size() / 2;
     std::nth_element(sorted.begin(), middle, sorted.end());
     for (int& level : found.levels)
         if (level < *middle - kMaxLevelsAbove) level = -1, ++found.isolated;

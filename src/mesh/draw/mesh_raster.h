@@ -22,8 +22,7 @@ struct Hits {
 enum class HitParts { all, depth };
 
 /// Draws both sides of a face. A face that crosses the camera plane is cut there, not dropped. Of
-/// two faces at the same depth the first one wins. The result does not depend on the number of
-/// threads.
+/// two faces at the same depth the first one wins.
 Hits find_hits(const TriangleMesh& mesh, const Camera& camera, HitParts parts = HitParts::all);
 
 }  // namespace tvsgs

@@ -22,8 +22,7 @@ struct MeshRender {
     Image<int> face;  // [H W 1] index of the face; -1: no hit
 };
 
-/// Draws both sides of a face. A face that crosses the camera plane is cut there, not dropped. The
-/// result does not depend on the number of threads.
+/// Draws both sides of a face. A face that crosses the camera plane is cut there, not dropped.
 MeshRender render_mesh(const TriangleMesh& mesh,
                        const Camera& camera,
                        const MeshRenderOptions& options = {},

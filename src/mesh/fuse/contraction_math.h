@@ -31,9 +31,8 @@ struct Contraction {
         return centre + (m > 1 ? p / (m * (2 - m)) : p);
     }
 
-    /// Distance from the centre in radii, at least 1. Around a point outside of the ball,
-    /// contraction scales a small radial length by 1 / growth^2 and a tangential one by about 2 /
-    /// growth.
+    /// Distance from the centre in radii, at least 1. Outside of the ball, contraction scales a
+    /// small radial length by 1 / growth^2 and a tangential one by about 2 / growth.
     TVSGS_HD Real growth(Vec3<Real> p_world) const {
         if (!is_on()) return 1;
         const Real g = norm(p_world - centre) / radius;

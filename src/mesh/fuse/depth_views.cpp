@@ -13,7 +13,7 @@ namespace tvsgs {
 double median_depth(std::vector<float> depths) {
     std::erase_if(depths, [](float d) { return !(d > 0 && std::isfinite(d)); });
     if (depths.empty()) return 0;
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    const auto middle = depths.begin() + depths.size() / 2;
     std::nth_element(depths.begin(), middle, depths.end());
     return static_cast<double>(*middle);
 }

@@ -25,4 +25,10 @@ std::int64_t free_bytes(Cpu) {
     return free_host_bytes();
 }
 
+std::int64_t host_budget(std::int64_t max_bytes) {
+    constexpr double kShareOfFreeMemory = 0.8;
+    return std::min(max_bytes,
+                    static_cast<std::int64_t>(kShareOfFreeMemory * double(free_host_bytes())));
+}
+
 }  // namespace tvsgs

@@ -20,6 +20,9 @@ std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cuda>& counts);
 std::int64_t free_bytes(Cpu);
 std::int64_t free_bytes(Cuda);
 
+/// Host memory that a mesher may use: a share of the free memory, at most `max_bytes`.
+std::int64_t host_budget(std::int64_t max_bytes);
+
 /// First i in the ascending `keys` with keys[i] >= key.
 TVSGS_HD inline int lower_bound(Span<const std::uint64_t> keys, std::uint64_t key) {
     int first = 0, last = keys.size();

@@ -26,8 +26,7 @@ std::optional<Focus> find_focus(const std::vector<Camera>& cameras);
 Focus focus_at_depth(const std::vector<Camera>& cameras, double depth);
 
 /// World units: `given`; else `extent` / `resolution`; if both are 0, `extent` / 2048, but at least
-/// `pixels` pixels at half the extent, where the object is. Voxels smaller than a pixel average
-/// nothing and hold only noise.
+/// `pixels` pixels at half the extent, where the object is. Smaller voxels hold only noise.
 float voxel_size(
     float given, int resolution, float extent, const std::vector<View>& views, float pixels = 1);
 

@@ -86,12 +86,11 @@ TriangleMesh fuse_in_parts(int views,
 
 }  // namespace detail
 
-/// Fuses views 0 to `views` - 1, in this order. The mesh has the same bytes for every
-/// options.max_bytes. `source(i)` renders view i; its result is valid until the next call. It is
-/// called once per view while everything fits (once more to carve, and once more for trust), and
-/// again from view 0 if the volume turns out not to fit. In that case an unnamed file in
-/// `spill_folder` takes 16 bytes per pixel of every view, 20 with weights. Throws what TsdfVolume
-/// and PartPlanner throw.
+/// Fuses views 0 to `views` - 1, in this order; the same bytes for every options.max_bytes.
+/// `source(i)` renders view i, valid until the next call: once per view while everything fits (once
+/// more to carve, and for trust), and again from view 0 if the volume does not fit. Then an unnamed
+/// file in `spill_folder` takes 16 bytes per pixel of every view, 20 with weights. Throws what
+/// TsdfVolume and PartPlanner throw.
 template <class Device>
 TriangleMesh fuse_views(int views,
                         const std::function<DepthView<Device>(int)>& source,

@@ -29,10 +29,9 @@ struct FadeLargeBody {
     }
 };
 
-/// Makes a splat invisible if its largest standard deviation exceeds `max_px` pixels. The pixel is
-/// that of the camera with the finest one at the splat, preferring cameras whose image contains its
-/// mean. Splats that grow over a gap without start points show the right colour at any depth.
-/// Returns the number of faded splats. [docs/method/trust.md#large-splats]
+/// Makes a splat invisible if its largest standard deviation exceeds `max_px` pixels of the camera
+/// with the finest one at the splat, preferring cameras whose image contains its mean. Returns the
+/// number of faded splats. [docs/method/trust.md#large-splats]
 std::size_t fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians);
 std::size_t fade_large(const std::vector<Camera>& cameras,
                        float max_px,

@@ -1,6 +1,5 @@
-// Marching cubes for both devices; marching_cubes.cpp and marching_cubes.cu instantiate it. Every
-// voxel owns the cell above it and the three edges that start there, so vertices are unique without
-// a search.
+// Marching cubes for both devices. Every voxel owns the cell above it and the three edges that
+// start there, so vertices are unique without a search.
 #pragma once
 
 #include "core/device/parallel.h"

@@ -31,9 +31,8 @@ bool on_one_face(int edge_a, int edge_b) {
     return false;
 }
 
-/// Triangulates a contour as a fan. Starts where no diagonal lies in a face of the cell, if
-/// possible: the neighbouring cell could have the same diagonal, and the edge would get four
-/// triangles.
+/// Triangulates a contour as a fan, if possible without a diagonal in a face of the cell: the
+/// neighbouring cell could have the same one, and the edge would get four triangles.
 void add_fan(const std::vector<int>& contour, CubeCase& result) {
     const std::size_t n = contour.size();
     std::size_t best = 0, fewest = n;

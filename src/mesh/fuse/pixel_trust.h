@@ -7,13 +7,11 @@
 namespace tvsgs {
 
 /// Weights of trusted and other pixels. A voxel with threshold kTrustedWeight needs one trusted
-/// pixel or two others. Sums are exact: a voxel has exactly this weight only if it rests on one
-/// trusted pixel alone.
+/// pixel or two others. Sums are exact: only one trusted pixel alone gives exactly this weight.
 inline constexpr float kTrustedWeight = 1, kDoubtedWeight = 0.75f;
 
 /// Default limit of a depth jump between neighbours of one surface, in pixel widths along the
-/// surface. Wrong depths of splats occur behind edges or are rough.
-/// [docs/method/trust.md#which-pixels-are-trusted]
+/// surface. [docs/method/trust.md#which-pixels-are-trusted]
 inline constexpr float kJumpPx = 0.25f;
 
 /// The surface element of a pixel, in the camera frame.

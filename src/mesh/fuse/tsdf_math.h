@@ -115,9 +115,8 @@ struct Observation {
 
 /// Projects the point into its nearest pixel; the pixel's depth gives the distance to the surface
 /// along the ray. Points further behind the surface than the truncation are not observed. Outside
-/// of a contraction's ball the truncation grows with the voxels: for two points at distances n1 and
-/// n2 on one ray from the centre, (n2 - n1) / (growth1 growth2) is the distance in contracted
-/// space.
+/// of a contraction's ball the truncation grows with the voxels: points at distances n1 and n2 on
+/// one ray from the centre are (n2 - n1) / (growth1 growth2) apart in contracted space.
 TVSGS_HD inline Observation observe(const Camera& camera,
                                     Span<const float> depth,
                                     const VoxelSpace& space,

@@ -173,6 +173,11 @@ std::vector<float> averaged(const TriangleMesh& mesh, std::vector<Vec2f> sum_and
     return mean;
 }
 
+double area_of(const TriangleMesh& mesh, Vec3i face) {
+    const Vec3f a = mesh.vertices[face.x];
+    return 0.5 * double(norm(cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a)));
+}
+
 /// Keeps small removed components that kept surface encloses: they are plain, or beside an edge.
 void keep_enclosed(const TriangleMesh& mesh,
                    const std::vector<View>& views,
@@ -194,17 +199,15 @@ void keep_enclosed(const TriangleMesh& mesh,
     for (std::size_t f = 0, r = 0; f < keep.size(); ++f) {
         if (keep[f]) continue;
         const Vec3i face = mesh.faces[f];
-        const Vec3f a = mesh.vertices[face.x];
         Border& border = borders[component[r++]];
-        if (border.pixel == 0) border.pixel = static_cast<double>(pixel_length(cameras, a));
-        border.area += 0.5 * static_cast<double>(
-                                 norm(cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a)));
+        if (border.pixel == 0)
+            border.pixel = static_cast<double>(pixel_length(cameras, mesh.vertices[face.x]));
+        border.area += area_of(mesh, face);
         for (int k = 0; k < 3; ++k) {
             const int w = face[(k + 1) % 3];
             bool open = true, kept = false;
             corners.for_each(face[k], [&](std::uint32_t g, int l) {
-                if (g == f || (mesh.faces[g][(l + 1) % 3] != w && mesh.faces[g][(l + 2) % 3] != w))
-                    return;
+                if (g == f || !joins(mesh.faces[g], l, w)) return;
                 open = false, kept = kept || keep[g];
             });
             border.open += open, border.kept += kept;
@@ -249,10 +252,7 @@ MeasuredReport keep_measured_faces(TriangleMesh& mesh,
     keep_enclosed(mesh, views, keep);
     double area = 0, removed = 0;
     for (std::size_t f = 0; f < keep.size(); ++f) {
-        const Vec3i face = mesh.faces[f];
-        const Vec3f a = mesh.vertices[face.x];
-        const auto size =
-            static_cast<double>(norm(cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a)));
+        const double size = area_of(mesh, mesh.faces[f]);
         area += size, removed += keep[f] ? 0 : size;
     }
     MeasuredReport report;

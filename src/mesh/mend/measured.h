@@ -14,11 +14,10 @@ struct MeasuredReport {
     double removed_area = 0;  // share of the mesh
 };
 
-/// Keeps the faces around which at least `share` of the surface is measured. A vertex is measured
-/// if the photographs of half of the views that see it, and of two or more, look like the mean of
-/// the other ones there. Small parts that kept surface encloses stay.
-/// [docs/method/evidence.md#measured-surface] `views`: with photographs, in the order of `source`;
-/// a view without one is skipped. Keeps all faces if fewer than two views have one.
+/// Keeps the faces around which at least `share` of the surface is measured, and small parts that
+/// kept surface encloses. [docs/method/evidence.md#measured-surface] `views`: with photographs, in
+/// the order of `source`; a view without one is skipped. Keeps all faces if fewer than two views
+/// have one.
 MeasuredReport keep_measured_faces(TriangleMesh& mesh,
                                    const EvidenceSource& source,
                                    const std::vector<View>& views,

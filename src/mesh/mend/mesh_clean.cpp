@@ -18,25 +18,21 @@ constexpr double kMaxThrough = 0.25;
 // Smaller components are noise; the number of the official scripts.
 constexpr std::size_t kMinFaces = 50;
 
-}  // namespace
-
-namespace {
-
-/// Unites the faces at each edge that are both in `joins`.
-template <class Joins>
-DisjointSets united_faces(const TriangleMesh& mesh, const Corners& corners, const Joins& joins) {
+/// Unites the faces at each edge that are both in the set.
+template <class IsIn>
+DisjointSets united_faces(const TriangleMesh& mesh, const Corners& corners, const IsIn& is_in) {
     DisjointSets sets(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
         corners.for_each(v, [&](std::uint32_t f, int k) {
-            if (!joins(f)) return;
+            if (!is_in(f)) return;
             // Visits each edge at its smaller vertex; a chain unites more than two faces.
             for (const int step : {1, 2}) {
                 const int w = mesh.faces[f][(k + step) % 3];
                 if (w < v) continue;
                 bool found = false;
                 corners.for_each(v, [&](std::uint32_t g, int l) {
-                    if (g <= f || found || !joins(g)) return;
-                    found = mesh.faces[g][(l + 1) % 3] == w || mesh.faces[g][(l + 2) % 3] == w;
+                    if (g <= f || found || !is_in(g)) return;
+                    found = joins(mesh.faces[g], l, w);
                     if (found) sets.unite(static_cast<int>(f), static_cast<int>(g));
                 });
             }
@@ -111,9 +107,7 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
 
     std::vector<char> keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f) {
-        const Vec3i face = mesh.faces[f];
-        keep[f] = counts[component[f]] >= least && face.x != face.y && face.y != face.z &&
-                  face.z != face.x;
+        keep[f] = counts[component[f]] >= least && !repeats_corner(mesh.faces[f]);
     }
     const std::size_t faces_before = mesh.faces.size();
     report.removed_vertices = filter_faces(mesh, keep);
@@ -228,9 +222,7 @@ std::vector<char> without_unseen_boundaries(const TriangleMesh& mesh,
         united_faces(mesh, corners, [&](std::uint32_t face) { return !seen[face]; });
     const auto is_boundary = [&](int v, int w) {
         int count = 0;
-        corners.for_each(v, [&](std::uint32_t f, int k) {
-            count += mesh.faces[f][(k + 1) % 3] == w || mesh.faces[f][(k + 2) % 3] == w;
-        });
+        corners.for_each(v, [&](std::uint32_t f, int k) { count += joins(mesh.faces[f], k, w); });
         return count == 1;
     };
     const int faces = static_cast<int>(mesh.faces.size());
@@ -251,10 +243,8 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
     EvidenceReport report;
     // An edge from a vertex to itself would look like a boundary edge.
     std::vector<char> keep(mesh.faces.size());
-    parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int f) {
-        const Vec3i face = mesh.faces[f];
-        keep[f] = face.x != face.y && face.y != face.z && face.z != face.x;
-    });
+    parallel_for(Cpu{}, static_cast<int>(keep.size()),
+                 [&](int f) { keep[f] = !repeats_corner(mesh.faces[f]); });
     if (std::find(keep.begin(), keep.end(), 0) != keep.end()) filter_faces(mesh, keep);
     if (mesh.faces.empty()) return report;
     const std::size_t before = mesh.faces.size();

@@ -28,7 +28,6 @@ struct EvidenceReport {
 
 /// First peels unseen faces off, from the boundaries inwards. Then keeps the components of any size
 /// that enough views see and no view looks through. [docs/method/evidence.md#which-components-stay]
-/// An empty mesh stays as it is.
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source);
 
 /// Component of each face, numbered from 0 by their first faces.

@@ -89,26 +89,28 @@ SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners) {
     return edges;
 }
 
-std::size_t drop_flawed_faces(TriangleMesh& mesh) {
+void check_indices(const TriangleMesh& mesh) {
     const int vertices = static_cast<int>(mesh.vertices.size());
-    const auto in_range = [vertices](int v) { return v >= 0 && v < vertices; };
+    const auto out_of_range = [vertices](int v) { return v < 0 || v >= vertices; };
     const auto count = static_cast<std::int64_t>(mesh.faces.size());
     std::int64_t wrong = count;
     parallel_for(Cpu{}, static_cast<int>(count), [&](int f) {
-        const Vec3i face = mesh.faces[f];
-        if (!in_range(face.x) || !in_range(face.y) || !in_range(face.z)) min_atomically(&wrong, f);
+        for (int k = 0; k < 3; ++k)
+            if (out_of_range(mesh.faces[f][k])) min_atomically(&wrong, f);
     });
-    if (wrong < count) {
-        const Vec3i face = mesh.faces[wrong];
-        const int k = !in_range(face.x) ? 0 : !in_range(face.y) ? 1 : 2;
-        throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
-                                         ", but the mesh has ", vertices));
-    }
+    if (wrong == count) return;
+    const Vec3i face = mesh.faces[wrong];
+    const int k = out_of_range(face.x) ? 0 : out_of_range(face.y) ? 1 : 2;
+    throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
+                                     ", but the mesh has ", vertices));
+}
+
+std::size_t drop_flawed_faces(TriangleMesh& mesh) {
+    check_indices(mesh);
     return drop_faces(mesh, [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
         const auto finite = [&](int v) { return is_finite(mesh.vertices[v]); };
-        return face.x == face.y || face.y == face.z || face.z == face.x || !finite(face.x) ||
-               !finite(face.y) || !finite(face.z);
+        return repeats_corner(face) || !finite(face.x) || !finite(face.y) || !finite(face.z);
     });
 }
 

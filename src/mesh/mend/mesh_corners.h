@@ -45,8 +45,19 @@ inline SurfaceEdges find_edges(const TriangleMesh& mesh) {
     return find_edges(mesh, Corners(mesh));
 }
 
-/// Drops faces that repeat a corner or have a non-finite one; returns their number. Throws
-/// Error(ExitCode::input) for an index out of range.
+inline bool repeats_corner(Vec3i face) {
+    return face.x == face.y || face.y == face.z || face.z == face.x;
+}
+/// Whether v is one of the face's corners other than corner k.
+inline bool joins(Vec3i face, int k, int v) {
+    return face[(k + 1) % 3] == v || face[(k + 2) % 3] == v;
+}
+
+/// Throws Error(ExitCode::input) for an index out of range.
+void check_indices(const TriangleMesh& mesh);
+
+/// Drops faces that repeat a corner or have a non-finite one; returns their number. Throws what
+/// check_indices() throws.
 std::size_t drop_flawed_faces(TriangleMesh& mesh);
 
 /// Drops faces with the same corners as an earlier face; returns the corners of the rest. No face

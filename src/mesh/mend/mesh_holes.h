@@ -18,9 +18,8 @@ struct HoleReport {
 
 /// Fills holes of at most `largest_px` pixels of the nearest view and at most kMaxHoleEdges edges,
 /// with faces as large as the surrounding ones, unless a view's depth or mask contradicts.
-/// [docs/method/holes.md] The surrounding surface does not change. `mesh.views` must be empty. The
-/// mesh must be manifold (mesh/mend/mesh_manifold.h) and stays so. The result has the same bits for
-/// any number of threads. `edges`: of the mesh.
+/// [docs/method/holes.md] `mesh.views` must be empty. The mesh must be manifold
+/// (mesh/mend/mesh_manifold.h) and stays so. `edges`: of the mesh.
 HoleReport close_holes(TriangleMesh& mesh,
                        const SurfaceEdges& edges,
                        const std::vector<Camera>& cameras,

@@ -21,8 +21,8 @@ struct ManifoldReport {
 
 /// Merges vertices of one position that share an edge. Drops faces without three different finite
 /// corners, without area, or with the corners of an earlier face, then vertices without faces.
-/// Where more than two faces share an edge, each sheet gets its own vertices. A mesh without
-/// defects does not change. Throws Error(ExitCode::input) for an index out of range.
+/// Where more than two faces share an edge, each sheet gets its own vertices. Throws what
+/// check_indices() throws.
 ManifoldReport make_manifold(TriangleMesh& mesh);
 
 }  // namespace tvsgs

@@ -10,10 +10,9 @@
 namespace tvsgs {
 
 /// First averages the normals of adjacent faces with similar normals, so that creases stay; then
-/// moves vertices along their normals towards these planes. [Sun07] No vertex moves by more than
-/// `limit_px` pixels of the nearest camera. Vertices in no image, at boundaries and at non-manifold
-/// edges do not move, nor do vertices whose faces would flip. Returns the number of moved vertices.
-/// The result has the same bits for any number of threads. Indices of faces must be in range.
+/// moves vertices along their normals towards these planes, by at most `limit_px` pixels of the
+/// nearest camera. [Sun07] Vertices in no image, at boundaries and at non-manifold edges do not
+/// move, nor do vertices whose faces would flip. Returns the number of moved vertices.
 std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& cameras, float limit_px);
 
 }  // namespace tvsgs

@@ -85,9 +85,8 @@ public:
     Vec3d point() const { return point_; }
     Vec3d direction() const { return direction_; }
 
-    /// Whether it intersects the triangle, whose normal must not be perpendicular to it; sets *at
-    /// to the intersection. Two triangles with a common side agree on which of them is hit next to
-    /// it.
+    /// Whether it intersects the triangle, whose normal must not be perpendicular to it; sets *at.
+    /// Two triangles with a common side agree on which of them is hit next to it.
     bool cuts(Vec3d a, Vec3d b, Vec3d c, Vec3d* at) const {
         const Vec3d A = sheared(a), B = sheared(b), C = sheared(c);
         const double u = C.x * B.y - C.y * B.x, v = A.x * C.y - A.y * C.x,

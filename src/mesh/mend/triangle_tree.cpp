@@ -4,8 +4,10 @@
 #include <array>
 #include <bit>
 
-#include "core/device/parallel.h"
-#include "core/error.h"
+#include "core/device/morton.h"
+#include "core/device/parallel_lists.h"
+#include "core/scene/view_frustum.h"
+#include "mesh/mend/mesh_corners.h"
 
 namespace tvsgs {
 namespace {
@@ -61,8 +63,7 @@ struct TriangleTree::Builder {
 
     /// Partitions items [first, last), whose centres span `middles`, and returns the cut.
     std::size_t cut(std::size_t first, std::size_t last, const Box& middles, int depth) const {
-        const auto begin = items.begin() + std::ptrdiff_t(first),
-                   end = items.begin() + std::ptrdiff_t(last);
+        const auto begin = items.begin() + first, end = items.begin() + last;
         const Vec3f size = middles.upper - middles.lower;
         const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
         const std::size_t half = first + (last - first) / 2;
@@ -72,7 +73,7 @@ struct TriangleTree::Builder {
             return x < y || (x == y && a.face < b.face);
         };
         const auto halve = [&] {
-            std::nth_element(begin, items.begin() + std::ptrdiff_t(half), end, by_middle);
+            std::nth_element(begin, items.begin() + half, end, by_middle);
             return half;
         };
         if (depth >= kBalancedDepth) return halve();
@@ -119,8 +120,8 @@ struct TriangleTree::Builder {
             // The cut is where the highest bit changes that differs within the range.
             const std::uint32_t high = std::bit_floor(codes[first] ^ codes[last - 1]),
                                 start = (codes[last - 1] & ~(high - 1));
-            const auto middle = std::lower_bound(codes.begin() + std::ptrdiff_t(first),
-                                                 codes.begin() + std::ptrdiff_t(last), start);
+            const auto middle =
+                std::lower_bound(codes.begin() + first, codes.begin() + last, start);
             return std::size_t(middle - codes.begin());
         }
         Box box, middles;
@@ -215,33 +216,45 @@ struct TriangleTree::Builder {
     }
 };
 
+SpatialOrder spatial_order(const std::vector<Vec3f>& points) {
+    constexpr float kCells = 1 << 10;  // along an axis
+    Box3f box;
+    for (const Vec3f& p : points) box.add(p);
+    const Vec3f size = box.high - box.low;
+    const float extent = std::max({0.0f, size.x, size.y, size.z});
+    const float scale = extent > 0 ? kCells / extent : 0;
+    std::vector<std::pair<std::uint32_t, int>> keyed(points.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        std::uint32_t key = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const float cell = scale * (points[i][axis] - box.low[axis]);
+            const auto bits = static_cast<std::uint64_t>(cell < kCells - 1 ? cell : kCells - 1);
+            key |= static_cast<std::uint32_t>(spread_bits(bits)) << axis;
+        }
+        keyed[i] = {key, i};
+    });
+    sort_in_parallel(keyed, std::less<>());
+    SpatialOrder order;
+    for (const auto& [key, place] : keyed)
+        order.places.push_back(place), order.codes.push_back(key);
+    return order;
+}
+
 TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) {
-    const int vertices = static_cast<int>(mesh.vertices.size());
-    const auto count = static_cast<std::int64_t>(mesh.faces.size());
+    check_indices(mesh);
     std::vector<Item> items(mesh.faces.size());
-    std::int64_t wrong = count, not_finite = count;  // first bad face; first non-finite item
+    const auto count = static_cast<std::int64_t>(items.size());
+    std::int64_t not_finite = count;  // first non-finite item
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
         const int f = order.places.empty() ? i : order.places[i];
         Item& item = items[i];
         item.face = static_cast<std::uint32_t>(f);
         for (int k = 0; k < 3; ++k) {
-            const int vertex = mesh.faces[f][k];
-            if (vertex < 0 || vertex >= vertices) {
-                min_atomically(&wrong, f);
-                return;
-            }
-            const Vec3f p = mesh.vertices[vertex];
+            const Vec3f p = mesh.vertices[mesh.faces[f][k]];
             if (!is_finite(p)) item.face = kNoFace, min_atomically(&not_finite, i);
             item.box.add({p, p});
         }
     });
-    if (wrong < count) {
-        const Vec3i face = mesh.faces[wrong];
-        int k = 0;
-        while (face[k] >= 0 && face[k] < vertices) ++k;
-        throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
-                                         ", but the mesh has ", vertices));
-    }
     if (not_finite < count)
         left_out_ = std::erase_if(items, [](const Item& item) { return item.face == kNoFace; });
     if (items.empty()) return;

@@ -6,10 +6,19 @@
 #include <vector>
 
 #include "core/scene/mesh.h"
-#include "mesh/mend/face_order.h"
 #include "mesh/mend/triangle_math.h"
 
 namespace tvsgs {
+
+/// Indices of points in Morton order, and their Morton codes.
+struct SpatialOrder {
+    std::vector<int> places;
+    std::vector<std::uint32_t> codes;  // ascending
+};
+
+/// Sorts by Morton codes of 2^10 cells along the longest side of the points' box; ties keep their
+/// order. The result is the same for any number of threads. Points must be finite.
+SpatialOrder spatial_order(const std::vector<Vec3f>& points);
 
 /// Corners and boxes are float, as in the mesh; computations are in double. Results equal those of
 /// a loop over all triangles, for any number of threads.

@@ -10,8 +10,8 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/view_frustum.h"
-#include "mesh/mend/face_order.h"
 #include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/triangle_tree.h"
 #include "mesh/simplify/simplify_collapse.h"
 #include "mesh/simplify/simplify_proof.h"
 
@@ -96,9 +96,8 @@ void increase_tolerances(CollapsibleMesh& mesh, const Original& original, double
     });
 }
 
-/// Collapses edges in three steps. First with tolerances that ignore occlusion, so that later depth
-/// maps show a small mesh; then with tolerances of the visible surface; then along the
-/// remaining seams.
+/// Collapses edges in three steps: with tolerances that ignore occlusion, so that later depth maps
+/// show a small mesh; with tolerances of the visible surface; and along the remaining seams.
 CollapsibleMesh collapsed(const Original& original, double tolerance_px, double largest_cost) {
     std::vector<double> tolerances(original.least_lengths.size());
     parallel_for(Cpu{}, static_cast<int>(tolerances.size()),
@@ -122,7 +121,7 @@ SimplifyProof measured(const Original& original, const TriangleMesh& found) {
     std::vector<Vec3f> points = others;
     points.insert(points.end(), places.points.begin(), places.points.end());
     const std::vector<float> lengths = pixel_lengths(found, points, original.cameras);
-    const auto cut = lengths.begin() + std::ptrdiff_t(others.size());
+    const auto cut = lengths.begin() + others.size();
     return measure({original.places, original.tree, {lengths.begin(), cut}},
                    {places, TriangleTree(found), {cut, lengths.end()}});
 }

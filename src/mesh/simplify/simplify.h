@@ -43,10 +43,9 @@ struct SimplifyReport {
 /// Collapses edges until any more would move 1 in 1000 points of the surface by more than `error`
 /// pixels, by exact distances in both directions; then down to `faces`, whatever the error.
 /// [docs/method/simplify.md] The topology does not change, and vertices of non-manifold edges do
-/// not move. Colours come from the nearest points of the original. Drops faces without three
-/// different finite corners, repeated faces, and vertices without faces. Does nothing if both
-/// options are 0. The result has the same bits for any number of threads. `cameras`: at least one.
-/// Throws Error(ExitCode::input) for an index out of range.
+/// not move. Colours come from the nearest points of the original. Drops flawed and repeated faces,
+/// and vertices without faces. Does nothing if both options are 0. `cameras`: at least one. Throws
+/// Error(ExitCode::input) for an index out of range.
 SimplifyReport simplify(TriangleMesh& mesh,
                         const std::vector<Camera>& cameras,
                         const SimplifyOptions& options);

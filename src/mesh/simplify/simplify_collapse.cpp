@@ -196,9 +196,8 @@ private:
                              [&](const Around& f) { return f.p == w || f.q == w; });
     }
 
-    /// The link condition: u and v share no neighbours but in their common faces.
-    /// [Dey99] A boundary counts as a vertex next to all of its vertices. `shared`: number of
-    /// common faces.
+    /// The link condition: u and v share no neighbours but in their `shared` common faces. [Dey99]
+    /// A boundary counts as a vertex next to all of its vertices.
     bool keeps_topology(int u, int v, int& shared) {
         int opposite[2] = {-1, -1};
         shared = 0;

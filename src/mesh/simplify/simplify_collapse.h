@@ -80,14 +80,13 @@ struct CollapsibleMesh {
     std::vector<Vec3i> faces;
 };
 
-/// Collapses edges, cheapest first (to within 1/16; equal ones in order of insertion). The cost is
-/// the maximum, over the edge's two vertices, of the mean squared distance of the new vertex to the
-/// planes of their surface and boundary quadrics. Collapses edges up to `largest_cost` while there
-/// are more than `least_faces`. Rejects a collapse that would change the topology (link condition),
-/// turn the normal of a face by more than 60 degrees, or make a sliver. `where`: for each vertex,
-/// whether its edges are considered, with the edges that change later; empty: all. The remaining
-/// `faces` keep their order; vertices keep their numbers, used or not. Returns the greatest
-/// accepted cost.
+/// Collapses edges, cheapest first (to within 1/16; equal ones in order of insertion), up to
+/// `largest_cost` and while there are more than `least_faces`. The cost is the maximum, over the
+/// edge's two vertices, of the mean squared distance of the new vertex to the planes of their
+/// surface and boundary quadrics. Rejects a collapse that would change the topology, turn the
+/// normal of a face by more than 60 degrees, or make a sliver. `where`: for each vertex, whether
+/// its edges are considered, with the edges that change later; empty: all. Faces keep their order
+/// and vertices their numbers. Returns the greatest accepted cost.
 double collapse_edges(CollapsibleMesh& mesh,
                       double largest_cost,
                       std::size_t least_faces,
@@ -98,9 +97,8 @@ std::vector<std::vector<int>> runs_of(const std::vector<int>& order,
                                       std::size_t most,
                                       std::size_t first);
 
-/// Computes the quadrics of a mesh's faces and boundaries and collapses edges up to `largest_cost`
-/// (below 0: none) in each group, at vertices whose faces belong to one group. Subtracts `origin`
-/// from positions.
+/// Computes the quadrics of a mesh and collapses edges up to `largest_cost` (below 0: none) in each
+/// group, at vertices whose faces belong to one group. Subtracts `origin` from positions.
 CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                                    Vec3d origin,
                                    const std::vector<double>& tolerances,

@@ -16,8 +16,7 @@ Groups runs_of(const std::vector<int>& order, std::size_t most, std::size_t firs
     parallel_for_heavy(Cpu{}, static_cast<int>(groups.size()), [&](int i) {
         const auto g = static_cast<std::size_t>(i);
         const std::size_t end = g + 1 < begins.size() ? begins[g + 1] : order.size();
-        groups[g].assign(order.begin() + std::ptrdiff_t(begins[g]),
-                         order.begin() + std::ptrdiff_t(end));
+        groups[g].assign(order.begin() + begins[g], order.begin() + end);
         std::sort(groups[g].begin(), groups[g].end());
     });
     return groups;
@@ -139,8 +138,7 @@ void add_planes(CollapsibleMesh& to,
             if (length > 0 && size > 0)
                 upright.add_plane(cross(along / length, normal), corner(k), length,
                                   std::min(tolerance(k), tolerance(k + 1)));
-            for (const int end : {face[k], face[(k + 1) % 3]})
-                boundary_at(to, end).add(upright);
+            for (const int end : {face[k], face[(k + 1) % 3]}) boundary_at(to, end).add(upright);
         }
     }
 }
@@ -164,9 +162,8 @@ Piece without_unused(Piece from) {
     return out;
 }
 
-/// Joins pieces of a mesh with that many vertices: first their own vertices in the order of the
-/// pieces, then shared ones. add_shared(v, mesh) adds a shared vertex; the quadrics of each piece
-/// are added to it.
+/// Joins pieces of a mesh with that many vertices: first their own vertices, in order, then shared
+/// ones. add_shared(v, mesh) adds a shared vertex; it gets the quadrics of each piece.
 template <class AddShared>
 CollapsibleMesh join(const std::vector<Piece>& pieces,
                      std::size_t vertices,
@@ -204,7 +201,7 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
                 all.boundary[to] = static_cast<int>(start.boundary) + from.boundary[i];
         }
         std::copy(from.boundaries.begin(), from.boundaries.end(),
-                  all.boundaries.begin() + std::ptrdiff_t(start.boundary));
+                  all.boundaries.begin() + start.boundary);
         for (std::size_t f = 0; f < from.faces.size(); ++f)
             for (int k = 0; k < 3; ++k) {
                 const auto i = static_cast<std::size_t>(from.faces[f][k]);
@@ -254,8 +251,7 @@ CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
         Piece piece = division.cut_out(g, groups[g]);
         for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
             add(piece.vertices[i], i >= piece.own, piece.mesh);
-            if (i < piece.own)
-                add_quadrics(mesh, piece.vertices[i], piece.mesh, i);
+            if (i < piece.own) add_quadrics(mesh, piece.vertices[i], piece.mesh, i);
         }
         collapse_edges(piece.mesh, largest_cost, 0);
         pieces[g] = without_unused(std::move(piece));
@@ -268,7 +264,7 @@ CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
     std::size_t own = 0;
     for (const Piece& piece : pieces) own += piece.own;
     seams.assign(all.positions.size(), 0);
-    std::fill(seams.begin() + std::ptrdiff_t(own), seams.end(), 1);
+    std::fill(seams.begin() + own, seams.end(), 1);
     return all;
 }
 

@@ -8,20 +8,17 @@
 namespace tvsgs::detail {
 namespace {
 
-constexpr double kShareOfFreeMemory = 0.8;  // of the host, where the tetrahedra are computed
 constexpr float kGrainGrowth = 1.5f;
 
 std::size_t most_points(std::int64_t max_bytes, int splats) {
-    const auto free =
-        static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes(Cpu{})));
+    const std::int64_t budget = host_budget(max_bytes);
     const std::int64_t of_splats = std::int64_t{kFieldBytesPerSplat} * splats;
-    const std::int64_t most = (std::min(max_bytes, free) - of_splats) / kPivotBytes;
+    const std::int64_t most = (budget - of_splats) / kPivotBytes;
     constexpr std::int64_t kMin = 64, kMax = 1 << 27;  // limit of the numbering of tetrahedra
     if (most < kMin)
-        throw Error(
-            ExitCode::memory,
-            str("a mesh of ", splats, " splats needs at least ", of_splats + kMin * kPivotBytes,
-                " bytes; ", std::min(max_bytes, free), " are available; raise --memory"));
+        throw Error(ExitCode::memory, str("a mesh of ", splats, " splats needs at least ",
+                                          of_splats + kMin * kPivotBytes, " bytes; ", budget,
+                                          " are available; raise --memory"));
     return static_cast<std::size_t>(std::min(most, kMax));
 }
 

@@ -9,9 +9,9 @@
 
 namespace tvsgs {
 
-/// A Gaussian relative to a camera's centre, in its own axes; each axis is measured in units of its
-/// standard deviation over the smallest one's. So a flat splat gives no large numbers and no
-/// inverse is needed. Its size is a multiple of 16 bytes.
+/// A Gaussian relative to a camera's centre, in its own axes, each in units of its standard
+/// deviation over the smallest one's: flat splats give no large numbers. Its size is a multiple of
+/// 16 bytes.
 template <class Real>
 struct alignas(16) RayGaussian {
     Mat3<Real> W;      // from the camera frame
@@ -80,8 +80,7 @@ struct EllipsoidImage {
 };
 
 /// The dual conic of the ellipsoid (x - mean)^T Sigma^-1 (x - mean) <= reach2, without the terms
-/// that cancel.
-///   axes   of the splat as columns, in the camera frame
+/// that cancel. `axes`: of the splat as columns, in the camera frame.
 template <class Real>
 TVSGS_HD EllipsoidImage<Real> ellipsoid_image(
     const Camera& camera, const Mat3<Real>& axes, Vec3<Real> scales, Vec3<Real> mean, Real reach2) {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "core/device/morton.h"
-#include "mesh/tetrahedra/grid_predicates.h"
+#include "mesh/tetrahedra/delaunay.h"
 
 namespace tvsgs {
 namespace {
@@ -100,7 +100,7 @@ std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
     for (std::size_t i = 0; i < footprints.size(); ++i)
         if (footprints[i] > 0) seen.push_back(splats.opacities[i]);
     if (!seen.empty()) {
-        const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
+        const auto middle = seen.begin() + seen.size() / 2;
         std::nth_element(seen.begin(), middle, seen.end());
         min_opacity = std::min(min_opacity, *middle);
     }

@@ -29,8 +29,7 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
                                     const DepthRules& rules);
 
 /// Chooses the splats with a footprint that have `min_opacity` or are in the more opaque half of
-/// those with a footprint: several faint splats can form a surface. In Morton order, so that
-/// neighbours use the same tiles.
+/// those: several faint splats can form a surface. In Morton order: neighbours use the same tiles.
 std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
                               const std::vector<float>& footprints,
                               float min_opacity);

@@ -28,8 +28,7 @@ struct TextureReport {
 
 /// Makes a texture from the photographs of `views` (skips views with an empty photo). Each
 /// connected group of faces with the same best view becomes a chart. Faces that no view shows get
-/// the vertex colours, or grey if the mesh has none. The result does not depend on the number of
-/// threads. A mesh without faces has no texture.
+/// the vertex colours, or grey if the mesh has none. A mesh without faces has no texture.
 MeshTexture make_texture(const TriangleMesh& mesh,
                          const std::vector<View>& views,
                          const TextureOptions& options = {},

@@ -70,9 +70,9 @@ struct Patch {
     }
 };
 
-/// Calls set(x, y, weights, outside) for the texels of a rectangle that a triangle covers or nearly
-/// covers. `weights`: of the corners, at the texel's centre or at the nearest point of the
-/// triangle; `outside`: distance of the centre from the triangle, in weights.
+/// Calls set(x, y, weights, outside) for the texels that a triangle covers or nearly covers.
+/// `weights`: of the corners, at the texel's centre or at the nearest point of the triangle;
+/// `outside`: distance of the centre from the triangle, in weights.
 template <class Set>
 void for_covered(const Vec2<double> (&p)[3], Rect rect, const Set& set) {
     const auto [low_x, high_x] = std::minmax({p[0].x, p[1].x, p[2].x});

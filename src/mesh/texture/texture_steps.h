@@ -99,9 +99,8 @@ Candidates find_candidates(const TriangleMesh& mesh,
                            const std::vector<PhotoView>& views,
                            Sights& sights);
 
-/// Sets the views' gains from the colours of common faces and multiplies the candidates' colours by
-/// them. Least squares of the median log ratio of each pair of views, per channel, with a mean gain
-/// of 1.
+/// Sets the views' gains by least squares of the median log ratios of their colours on common
+/// faces, per channel, with a mean gain of 1; multiplies the candidates' colours by them.
 void level_exposures(Candidates& candidates, std::vector<PhotoView>& views);
 
 /// Drops a view of a face, of at least four, if its colour differs from the others': an object that
@@ -125,10 +124,10 @@ struct Subject {
     const std::vector<SharedEdge>& edges;
 };
 
-/// The view of each face; -1 if none shows it completely. The cost of a view is the face's area, in
-/// pixels, times the relative loss of quality against the best view; an edge between two views
-/// costs its length. Starts from the best views and changes face by face until none improves. Then
-/// parts of less than 50 pixels take the view of a neighbour that shows them.
+/// The view of each face; -1 if none shows it completely. A view costs the face's area, in pixels,
+/// times the relative loss of quality against the best view; an edge between two views its length.
+/// Changes face by face until none improves. Then parts of less than 50 pixels take the view of a
+/// neighbour that shows them.
 std::vector<int> choose_views(const Subject& in);
 
 /// Connected faces of one view: the part of each face, -1 for faces without a view. Parts are
