@@ -143,7 +143,7 @@ std::vector<EvidenceView> blind(std::initializer_list<Vec3d> centres) {
 HoleReport close(TriangleMesh& mesh, const std::vector<EvidenceView>& views, float largest_px) {
     std::vector<Camera> cameras;
     for (const EvidenceView& view : views) cameras.push_back(view.camera);
-    return close_holes(mesh, cameras, source_of(views), largest_px);
+    return close_holes(mesh, find_edges(mesh), cameras, source_of(views), largest_px);
 }
 
 TEST(Holes, OfABallAreClosedUpToTheBound) {

@@ -22,33 +22,6 @@ struct Face {
     auto operator<=>(const Face&) const = default;
 };
 
-/// Neighbours of a vertex: two for each of its faces. Usually few.
-class Ring {
-public:
-    void clear() { size_ = 0, many_.clear(); }
-    void add(int w) {
-        if (size_ < kFew) {
-            few_[size_++] = w;
-        } else {
-            if (many_.empty()) many_.assign(few_.begin(), few_.end());
-            many_.push_back(w);
-        }
-    }
-    /// Call before count().
-    void close() { std::sort(many_.begin(), many_.end()); }
-    std::ptrdiff_t count(int w) const {
-        if (many_.empty()) return std::count(few_.begin(), few_.begin() + size_, w);
-        const auto [first, last] = std::equal_range(many_.begin(), many_.end(), w);
-        return last - first;
-    }
-
-private:
-    static constexpr int kFew = 24;
-    std::array<int, kFew> few_;
-    int size_ = 0;
-    std::vector<int> many_;  // all of them, if there are more
-};
-
 }  // namespace
 
 Corners::Corners(const std::vector<Vec3i>& faces, std::size_t vertices)
@@ -74,14 +47,19 @@ SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners) {
     SurfaceEdges edges{std::vector<char>(3 * mesh.faces.size()),
                        std::vector<char>(mesh.vertices.size())};
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
-        Ring ring;
+        thread_local std::vector<int> ring;  // neighbours of the vertex, two for each of its faces
+        ring.clear();
         corners.for_each(v, [&](std::uint32_t f, int k) {
-            for (const int step : {1, 2}) ring.add(mesh.faces[f][(k + step) % 3]);
+            for (const int step : {1, 2}) ring.push_back(mesh.faces[f][(k + step) % 3]);
         });
-        ring.close();
+        std::sort(ring.begin(), ring.end());
+        const auto count = [&](int w) {
+            const auto [first, last] = std::equal_range(ring.begin(), ring.end(), w);
+            return last - first;
+        };
         corners.for_each(v, [&](std::uint32_t f, int k) {
-            const std::ptrdiff_t out = ring.count(mesh.faces[f][(k + 1) % 3]),
-                                 in = ring.count(mesh.faces[f][(k + 2) % 3]);
+            const auto out = count(mesh.faces[f][(k + 1) % 3]),
+                       in = count(mesh.faces[f][(k + 2) % 3]);
             if (out == 1) edges.boundary[3 * f + std::size_t(k)] = 1;
             if (out > 2 || in > 2) edges.fixed[v] = 1;
         });
@@ -118,23 +96,17 @@ Corners drop_repeated_faces(TriangleMesh& mesh) {
     Corners corners(mesh);
     std::vector<char> repeated(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
-        std::array<Face, 16> few;
-        std::vector<Face> many;
-        std::size_t count = 0;
+        thread_local std::vector<Face> found;
+        found.clear();
         corners.for_each(v, [&](std::uint32_t f, int k) {
             const Vec3i face = mesh.faces[f];
             const auto [low, high] = std::minmax({face[(k + 1) % 3], face[(k + 2) % 3]});
-            if (v > low) return;  // the face is checked at its smallest corner
-            if (count < few.size()) few[count] = {low, high, f};
-            if (count == few.size()) many.assign(few.begin(), few.end());
-            if (count >= few.size()) many.push_back({low, high, f});
-            ++count;
+            if (v <= low) found.push_back({low, high, f});  // checked at its smallest corner
         });
-        Face* const first = many.empty() ? few.data() : many.data();
-        std::sort(first, first + count);
-        for (std::size_t i = 1; i < count; ++i)
-            if (first[i].low == first[i - 1].low && first[i].high == first[i - 1].high)
-                repeated[first[i].face] = 1;
+        std::sort(found.begin(), found.end());
+        for (std::size_t i = 1; i < found.size(); ++i)
+            if (found[i].low == found[i - 1].low && found[i].high == found[i - 1].high)
+                repeated[found[i].face] = 1;
     });
     const bool none = drop_faces(mesh, [&](std::size_t f) { return repeated[f] != 0; }) == 0;
     return none ? std::move(corners) : Corners(mesh);

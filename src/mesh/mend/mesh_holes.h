@@ -25,12 +25,6 @@ HoleReport close_holes(TriangleMesh& mesh,
                        const std::vector<Camera>& cameras,
                        const EvidenceSource& evidence,
                        float largest_px);
-inline HoleReport close_holes(TriangleMesh& mesh,
-                              const std::vector<Camera>& cameras,
-                              const EvidenceSource& evidence,
-                              float largest_px) {
-    return close_holes(mesh, find_edges(mesh), cameras, evidence, largest_px);
-}
 
 inline constexpr int kMaxHoleEdges = 128;
 

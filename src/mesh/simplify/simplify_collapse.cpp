@@ -78,9 +78,9 @@ public:
     }
 
     /// `where`: only considers edges with an end there; empty: all.
-    double run(std::size_t least_faces, const std::vector<char>& where) {
+    void run(std::size_t least_faces, const std::vector<char>& where) {
         std::size_t faces = m_.faces.size();
-        if (faces <= least_faces) return 0;
+        if (faces <= least_faces) return;
         for (int v = 0; v < static_cast<int>(first_.size()); ++v) {
             if (!where.empty() && !where[at(v)]) continue;
             gather(v, of_u_);
@@ -93,7 +93,6 @@ public:
                     enqueue(v, w, edge);
                 }
         }
-        double greatest = 0;
         for (int edge = 0; faces > least_faces && queue_.pop(edge);) {
             if (!queued_[at(edge)]) continue;
             const Vec3i face = m_.faces[at(edge / 3)];
@@ -114,12 +113,10 @@ public:
             if (!keeps_topology(u, v, shared) || !keeps_shape(of_u_, u, v, found.point) ||
                 !keeps_shape(of_v_, v, u, found.point))
                 continue;
-            greatest = std::max(greatest, found.cost);
             faces -= static_cast<std::size_t>(shared);
             merge(std::max(u, v), std::min(u, v), found.point);
         }
         std::erase_if(m_.faces, [](Vec3i face) { return face.x < 0; });
-        return greatest;
     }
 
 private:
@@ -303,11 +300,11 @@ private:
 
 }  // namespace
 
-double collapse_edges(CollapsibleMesh& mesh,
-                      double largest_cost,
-                      std::size_t least_faces,
-                      const std::vector<char>& where) {
-    return Collapser(mesh, largest_cost).run(least_faces, where);
+void collapse_edges(CollapsibleMesh& mesh,
+                    double largest_cost,
+                    std::size_t least_faces,
+                    const std::vector<char>& where) {
+    Collapser(mesh, largest_cost).run(least_faces, where);
 }
 
 }  // namespace tvsgs

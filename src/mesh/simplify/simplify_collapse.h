@@ -86,11 +86,11 @@ struct CollapsibleMesh {
 /// surface and boundary quadrics. Rejects a collapse that would change the topology, turn the
 /// normal of a face by more than 60 degrees, or make a sliver. `where`: for each vertex, whether
 /// its edges are considered, with the edges that change later; empty: all. Faces keep their order
-/// and vertices their numbers. Returns the greatest accepted cost.
-double collapse_edges(CollapsibleMesh& mesh,
-                      double largest_cost,
-                      std::size_t least_faces,
-                      const std::vector<char>& where = {});
+/// and vertices their numbers.
+void collapse_edges(CollapsibleMesh& mesh,
+                    double largest_cost,
+                    std::size_t least_faces,
+                    const std::vector<char>& where = {});
 
 /// Splits an order of faces into runs of at most `most`; the first run has `first`.
 std::vector<std::vector<int>> runs_of(const std::vector<int>& order,

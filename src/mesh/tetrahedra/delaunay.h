@@ -91,9 +91,6 @@ inline int in_sphere(Vec3i a, Vec3i b, Vec3i c, Vec3i d, Vec3i p) {
 /// Indices of points; orientation() of the four is 1.
 using Tetrahedron = std::array<int, 4>;
 
-/// Peak memory of delaunay(), bytes per point.
-inline constexpr int kDelaunayBytesPerPoint = 400;
-
 /// Tetrahedralises the convex hull of the points, with coordinates in [0, 2^kGridBits). If more
 /// than four points lie on one sphere, the choice depends on the points alone. Of equal points, the
 /// first is a vertex. Empty if all points lie in one plane. Incremental [Bowyer81; Watson81], in

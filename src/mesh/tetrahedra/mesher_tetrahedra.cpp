@@ -22,12 +22,6 @@ std::size_t most_points(std::int64_t max_bytes, int splats) {
     return static_cast<std::size_t>(std::min(most, kMax));
 }
 
-std::string why_no_points(std::size_t splats) {
-    return str("none of the ", splats,
-               " splats is in the image of a view; raise --depth-max, or check the masks "
-               "(--no-masks) and --bbox");
-}
-
 }  // namespace
 
 PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
@@ -49,7 +43,10 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
         spdlog::debug("Merged points within {:.3g} px to stay within --memory: {} of {} left",
                       grain / 4, made.pivots.size(), 2 * chosen.size());
     if (made.pivots.size() == 0) {
-        made.why_empty = why_no_points(splats.size());
+        made.why_empty =
+            str("none of the ", splats.size(),
+                " splats is in the image of a view; raise --depth-max, or check the masks "
+                "(--no-masks) and --bbox");
         return made;
     }
     Contraction<double> contraction;
@@ -98,11 +95,6 @@ std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
         colors.push_back(c);
     }
     return colors;
-}
-
-void throw_out_of_memory() {
-    throw Error(ExitCode::memory,
-                "out of host memory while meshing; lower --memory, or stop other programs");
 }
 
 }  // namespace tvsgs::detail

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "mesh/mesher.h"
 #include "mesh/tetrahedra/marching_tetrahedra.h"
 #include "mesh/tetrahedra/pivots.h"
@@ -50,9 +51,6 @@ std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
                                const std::vector<int>& splats,
                                const std::vector<Vec3f>& base_sh);
 
-/// Throws "out of memory" for allocations outside of buffers.
-[[noreturn]] void throw_out_of_memory();
-
 }  // namespace detail
 
 template <class Device>
@@ -63,8 +61,9 @@ public:
     ExtractedMesh extract(const MesherInputs<Device>& in) override {
         try {
             return extract_surface(in);
-        } catch (const std::bad_alloc&) {
-            detail::throw_out_of_memory();
+        } catch (const std::bad_alloc&) {  // outside of buffers
+            throw Error(ExitCode::memory,
+                        "out of host memory while meshing; lower --memory, or stop other programs");
         }
     }
 
@@ -83,9 +82,13 @@ private:
         found.why_empty = points.why_empty;
         if (!found.why_empty.empty()) return found;
 
-        std::vector<Sight> sights = seen_on_host(splats, views, points.pivots.positions);
-        const TetrahedraSurface surface = detail::crossed_tetrahedra(points, sights);
-        points.tetrahedra = {}, sights = {};
+        TetrahedraSurface surface;
+        {
+            Buffer<Sight, Device> sights;
+            see_points(splats, views, to_device<Device>(points.pivots.positions), sights);
+            surface = detail::crossed_tetrahedra(points, to_host(sights));
+        }
+        points.tetrahedra = {};
         if (surface.faces.empty()) {
             found.why_empty = "no visible point is next to a hidden one; are the splats opaque?";
             return found;
@@ -104,14 +107,6 @@ private:
         found.mesh.colors = detail::mean_colors(seen_colors(in.depth, free_ends), surface.edges,
                                                 points.pivots.splats, base_sh(in.gaussians));
         return found;
-    }
-
-    static std::vector<Sight> seen_on_host(const FieldSplats<Device>& splats,
-                                           const FieldViews& views,
-                                           const std::vector<Vec3f>& positions) {
-        Buffer<Sight, Device> sights;
-        see_points(splats, views, to_device<Device>(positions), sights);
-        return to_host(sights);
     }
 
     static std::vector<ColorSum> seen_colors(DepthViews<Device>& depth,
