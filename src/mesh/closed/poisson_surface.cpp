@@ -64,12 +64,9 @@ std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
         sort_unique(touched);
         std::set_difference(touched.begin(), touched.end(), looked_at.begin(), looked_at.end(),
                             std::back_inserter(next));
-        const auto add = [](std::vector<std::uint64_t>& to,
-                            const std::vector<std::uint64_t>& more) {
-            std::vector<std::uint64_t> merged;
-            std::set_union(to.begin(), to.end(), more.begin(), more.end(),
-                           std::back_inserter(merged));
-            to.swap(merged);
+        const auto add = [](auto& to, const auto& more) {
+            to.insert(to.end(), more.begin(), more.end());
+            sort_unique(to);
         };
         add(all, touched), add(looked_at, next);
         frontier = std::move(next);

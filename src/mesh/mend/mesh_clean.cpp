@@ -106,9 +106,8 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
         std::count_if(counts.begin(), counts.end(), [&](std::size_t n) { return n >= least; });
 
     std::vector<char> keep(mesh.faces.size());
-    for (std::size_t f = 0; f < keep.size(); ++f) {
+    for (std::size_t f = 0; f < keep.size(); ++f)
         keep[f] = counts[component[f]] >= least && !repeats_corner(mesh.faces[f]);
-    }
     const std::size_t faces_before = mesh.faces.size();
     report.removed_vertices = filter_faces(mesh, keep);
     report.removed_faces = faces_before - mesh.faces.size();
@@ -220,18 +219,12 @@ std::vector<char> without_unseen_boundaries(const TriangleMesh& mesh,
                                             const std::vector<char>& seen) {
     DisjointSets sets =
         united_faces(mesh, corners, [&](std::uint32_t face) { return !seen[face]; });
-    const auto is_boundary = [&](int v, int w) {
-        int count = 0;
-        corners.for_each(v, [&](std::uint32_t f, int k) { count += joins(mesh.faces[f], k, w); });
-        return count == 1;
-    };
+    const std::vector<char> boundary = find_edges(mesh, corners).boundary;
     const int faces = static_cast<int>(mesh.faces.size());
     std::vector<char> open(mesh.faces.size()), keep(mesh.faces.size());
     parallel_for(Cpu{}, faces, [&](int f) {
-        if (const Vec3i face = mesh.faces[f];
-            !seen[f] && (is_boundary(face.x, face.y) || is_boundary(face.y, face.z) ||
-                         is_boundary(face.z, face.x)))
-            mark(open[sets.find(f)]);
+        const char* const edges = &boundary[3 * std::size_t(f)];
+        if (!seen[f] && (edges[0] || edges[1] || edges[2])) mark(open[sets.find(f)]);
     });
     parallel_for(Cpu{}, faces, [&](int f) { keep[f] = seen[f] || !open[sets.find(f)]; });
     return keep;

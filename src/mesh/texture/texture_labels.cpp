@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <atomic>
+#include <functional>
 #include <tuple>
 
-#include "core/device/parallel.h"
+#include "core/device/parallel_lists.h"
 #include "mesh/mend/disjoint_sets.h"
 #include "mesh/texture/texture_steps.h"
 
@@ -190,44 +192,23 @@ bool join_islands(const Subject& in, const Costs& costs, std::vector<int>& views
 }  // namespace
 
 std::vector<SharedEdge> shared_edges(const TriangleMesh& mesh) {
-    struct Side {
-        int high, face;
-    };
-    // 1. The sides of faces by their lower vertices.
-    const auto for_each_side = [&](const auto& action) {
-        for (std::size_t f = 0; f < mesh.faces.size(); ++f)
-            for (int c = 0; c < 3; ++c) {
-                const int a = mesh.faces[f][c], b = mesh.faces[f][(c + 1) % 3];
-                action(std::min(a, b), Side{std::max(a, b), static_cast<int>(f)});
-            }
-    };
-    const int vertices = static_cast<int>(mesh.vertices.size());
-    std::vector<std::size_t> begin(mesh.vertices.size() + 1, 0);
-    for_each_side([&](int low, Side) { ++begin[low + 1]; });
-    for (int v = 0; v < vertices; ++v) begin[v + 1] += begin[v];
-    std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-    std::vector<Side> sides(3 * mesh.faces.size());
-    for_each_side([&](int low, Side side) { sides[next[low]++] = side; });
-    // 2. Pairs of equal sides.
-    const auto for_pairs = [&](int v, const auto& action) {
-        for (std::size_t i = begin[v], end = i; i < begin[v + 1]; i = end) {
-            while (end < begin[v + 1] && sides[end].high == sides[i].high) ++end;
-            if (end - i == 2 && sides[i].face != sides[i + 1].face) action(sides[i], sides[i + 1]);
+    // Lower vertex, higher vertex and face of each side.
+    std::vector<std::array<int, 3>> sides(3 * mesh.faces.size());
+    parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int f) {
+        for (std::size_t c = 0; c < 3; ++c) {
+            const auto [low, high] =
+                std::minmax({mesh.faces[f][int(c)], mesh.faces[f][int(c + 1) % 3]});
+            sides[3 * std::size_t(f) + c] = {low, high, f};
         }
-    };
-    std::vector<std::size_t> first(mesh.vertices.size() + 1, 0);
-    parallel_for(Cpu{}, vertices, [&](int v) {
-        std::sort(sides.data() + begin[v], sides.data() + begin[v + 1], [](Side a, Side b) {
-            return std::tie(a.high, a.face) < std::tie(b.high, b.face);
-        });
-        for_pairs(v, [&](Side, Side) { ++first[v + 1]; });
     });
-    for (int v = 0; v < vertices; ++v) first[v + 1] += first[v];
-    std::vector<SharedEdge> out(first.back());
-    parallel_for(Cpu{}, vertices, [&](int v) {
-        std::size_t at = first[v];
-        for_pairs(v, [&](Side a, Side b) { out[at++] = {{a.face, b.face}, {v, a.high}}; });
-    });
+    sort_in_parallel(sides, std::less<>());
+    std::vector<SharedEdge> out;
+    for (std::size_t i = 0, end = 0; i < sides.size(); i = end) {
+        const auto [low, high, face] = sides[i];
+        while (end < sides.size() && sides[end][0] == low && sides[end][1] == high) ++end;
+        if (end == i + 2 && sides[i + 1][2] != face)
+            out.push_back({{face, sides[i + 1][2]}, {low, high}});
+    }
     return out;
 }
 
