@@ -12,9 +12,7 @@ namespace {
 /// Boundary edge, oriented along its hole; places in the boundary.
 struct HoleEdge {
     int from, to;
-    bool operator<(const HoleEdge& other) const {
-        return from != other.from ? from < other.from : to < other.to;
-    }
+    auto operator<=>(const HoleEdge&) const = default;
 };
 
 /// Traces the loops; hole edges are ascending.

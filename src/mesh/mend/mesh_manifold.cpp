@@ -16,6 +16,7 @@ namespace {
 struct FaceEdge {
     std::uint64_t key;  // the same in both directions
     int face, corner;
+    auto operator<=>(const FaceEdge&) const = default;
 };
 
 /// All edges of all faces; edges between the same vertices are adjacent, by face.
@@ -29,11 +30,7 @@ std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
             edges.push_back(
                 {std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f), k});
         }
-    std::sort(edges.begin(), edges.end(), [](const FaceEdge& a, const FaceEdge& b) {
-        return a.key != b.key     ? a.key < b.key
-               : a.face != b.face ? a.face < b.face
-                                  : a.corner < b.corner;
-    });
+    std::sort(edges.begin(), edges.end());
     return edges;
 }
 

@@ -243,20 +243,17 @@ SpatialOrder spatial_order(const std::vector<Vec3f>& points) {
 TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) {
     check_indices(mesh);
     std::vector<Item> items(mesh.faces.size());
-    const auto count = static_cast<std::int64_t>(items.size());
-    std::int64_t not_finite = count;  // first non-finite item
-    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+    parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int i) {
         const int f = order.places.empty() ? i : order.places[i];
         Item& item = items[i];
         item.face = static_cast<std::uint32_t>(f);
         for (int k = 0; k < 3; ++k) {
             const Vec3f p = mesh.vertices[mesh.faces[f][k]];
-            if (!is_finite(p)) item.face = kNoFace, min_atomically(&not_finite, i);
+            if (!is_finite(p)) item.face = kNoFace;
             item.box.add({p, p});
         }
     });
-    if (not_finite < count)
-        left_out_ = std::erase_if(items, [](const Item& item) { return item.face == kNoFace; });
+    left_out_ = std::erase_if(items, [](const Item& item) { return item.face == kNoFace; });
     if (items.empty()) return;
     nodes_ = Builder{items, left_out_ > 0 ? std::vector<std::uint32_t>() : order.codes}.build();
     triangles_.resize(items.size());

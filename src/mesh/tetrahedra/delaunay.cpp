@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <tuple>
 #include <utility>
 
 #include "core/device/morton.h"
@@ -34,31 +35,22 @@ struct Cell {
 /// Rounds of doubling size, the smallest first; consecutive points of a round are close together.
 /// Depends on the coordinates alone, so equal points are adjacent.
 std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
-    struct Key {
-        std::uint32_t round;
-        int index;
-        std::uint64_t code;
-    };
-    std::vector<Key> keys(points.size());
+    // Round, Morton code, the point (whose lowest bits the code omits), index.
+    std::vector<std::tuple<std::uint32_t, std::uint64_t, int, int, int, int>> keys(points.size());
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const auto word = [&](int axis) { return static_cast<std::uint32_t>(points[i][axis]); };
+        const Vec3i p = points[i];
+        const auto word = [&](int axis) { return static_cast<std::uint32_t>(p[axis]); };
         const std::uint32_t bits = philox({{word(0), word(1), word(2), 0}}, 0, 0).v[0];
         std::uint64_t code = 0;
         for (int axis = 0; axis < 3; ++axis)
             code |= spread_bits(word(axis) >> (kGridBits - 21)) << axis;
-        keys[i] = {32u - static_cast<std::uint32_t>(std::countr_zero(bits)), i, code};
+        keys[i] = {
+            32u - static_cast<std::uint32_t>(std::countr_zero(bits)), code, p.x, p.y, p.z, i};
     });
-    std::sort(keys.begin(), keys.end(), [&](const Key& a, const Key& b) {
-        if (a.round != b.round) return a.round < b.round;
-        if (a.code != b.code) return a.code < b.code;
-        // The Morton code omits the lowest bits.
-        const Vec3i p = points[a.index], q = points[b.index];
-        for (int axis = 0; axis < 3; ++axis)
-            if (p[axis] != q[axis]) return p[axis] < q[axis];
-        return a.index < b.index;
-    });
-    std::vector<int> order(points.size());
-    for (std::size_t i = 0; i < keys.size(); ++i) order[i] = keys[i].index;
+    std::sort(keys.begin(), keys.end());
+    std::vector<int> order;
+    order.reserve(keys.size());
+    for (const auto& key : keys) order.push_back(std::get<5>(key));
     return order;
 }
 

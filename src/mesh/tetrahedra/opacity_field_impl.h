@@ -104,11 +104,6 @@ struct SeePointBody {
     }
 };
 
-struct NoSightBody {
-    Span<Sight> sights;
-    TVSGS_HD void operator()(int i) const { sights[i] = {}; }
-};
-
 /// Buffers that the views reuse.
 template <class Device>
 struct FieldScratch {
@@ -148,9 +143,8 @@ void see_points_on(const FieldSplats<Device>& splats,
                    const Buffer<Vec3f, Device>& points,
                    FieldScratch<Device>& scratch,
                    Buffer<Sight, Device>& sights) {
-    sights.resize(points.size());
+    sights.resize(points.size()), sights.fill_zero();
     const int count = static_cast<int>(points.size());
-    parallel_for(Device{}, count, NoSightBody{sights.span()});
     Progress progress(str("opacity of ", count, " points"), double(views.views.size()));
     for (const View& view : views.views)
         with_context(str("opacity in view ", view.name), [&] {
@@ -173,10 +167,6 @@ struct HalveBody {
     TVSGS_HD void operator()(int i) const {
         (is_free(sights[i]) ? free_ends : inside_ends)[i] = middles[i];
     }
-};
-struct MeetBody {
-    Span<Vec3f> a, b;
-    TVSGS_HD void operator()(int i) const { a[i] = b[i] = 0.5f * (a[i] + b[i]); }
 };
 
 struct AddColorBody {
@@ -224,15 +214,19 @@ void find_crossings(const FieldSplats<Device>& splats,
     detail::FieldScratch<Device> scratch;
     Buffer<Vec3f, Device> middles(free_ends.size());
     Buffer<Sight, Device> sights;
-    for (int step = 0; step < steps; ++step) {
+    const auto find_middles = [&] {
         parallel_for(Device{}, count,
                      detail::MiddleBody{free_ends.span(), inside_ends.span(), middles.span()});
+    };
+    for (int step = 0; step < steps; ++step) {
+        find_middles();
         detail::see_points_on(splats, views, middles, scratch, sights);
         parallel_for(
             Device{}, count,
             detail::HalveBody{middles.span(), sights.span(), free_ends.span(), inside_ends.span()});
     }
-    parallel_for(Device{}, count, detail::MeetBody{free_ends.span(), inside_ends.span()});
+    find_middles();
+    copy(middles, free_ends), copy(middles, inside_ends);
 }
 
 template <class Device>
