@@ -1,8 +1,5 @@
 #include "mesh/draw/upright.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "core/math/eigen.h"
 
 namespace tvsgs {

@@ -1,7 +1,6 @@
 // Disjoint sets of numbers, for several threads.
 #pragma once
 
-#include <algorithm>
 #include <atomic>
 #include <numeric>
 #include <utility>

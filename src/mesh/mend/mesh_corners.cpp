@@ -1,7 +1,6 @@
 #include "mesh/mend/mesh_corners.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "core/device/parallel.h"

@@ -6,7 +6,6 @@
 
 #include "core/device/parallel.h"
 #include "core/progress.h"
-#include "mesh/draw/mesh_render.h"
 #include "mesh/fuse/pixel_trust.h"
 
 namespace tvsgs {

@@ -2,7 +2,6 @@
 // splats. [GOF], docs/method/tetrahedra.md
 #pragma once
 
-#include <algorithm>
 #include <string>
 #include <vector>
 

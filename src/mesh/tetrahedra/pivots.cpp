@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <utility>
 
 #include "core/device/morton.h"
 #include "mesh/tetrahedra/delaunay.h"

@@ -1,7 +1,6 @@
 #include "mesh/texture/texture.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "mesh/texture/texture_steps.h"
 

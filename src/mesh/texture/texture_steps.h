@@ -1,7 +1,6 @@
 // The steps of make_texture(), in order: views, exposures, labels, charts, seams, pixels.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "core/device/buffer.h"
