@@ -115,7 +115,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
     flags.set_keys(table);  // checks the flags before looking for any file
-    require_mesher<Cpu>(options.mesh.method);
+    make_mesher<Cpu>(options.mesh.method, {});
 
     std::error_code failure;
     if (!fs::exists(arguments.model, failure))

@@ -2,10 +2,8 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -30,61 +28,49 @@ struct MesherOptions {
     }
 };
 
-/// visit(type, name, arguments of its constructor) for each mesher.
-template <class Device, class Visit>
-void visit_meshers(const MesherOptions& o, const Visit& visit) {
-    using std::type_identity;
-    visit(type_identity<TsdfMesher<Device>>{}, "tsdf", o.tsdf);
-    visit(type_identity<TetrahedraMesher<Device>>{}, "tetrahedra", o.tetrahedra);
-    visit(type_identity<WatertightMesher<Device>>{}, "watertight", o.tsdf.voxel_size,
-          o.tsdf.resolution);
-}
-
 template <class Device>
 using MakeMesher = std::function<std::unique_ptr<Mesher<Device>>()>;
+template <class Device>
+using NamedMeshers = std::vector<std::pair<std::string, MakeMesher<Device>>>;
 
 template <class Device>
-auto& added_meshers() {
-    static std::map<std::string, MakeMesher<Device>> added;
+NamedMeshers<Device>& added_meshers() {
+    static NamedMeshers<Device> added;
     return added;
 }
 
 /// Adds a mesher of a program that links this library; make_mesher() then knows its name.
 template <class Device>
 void add_mesher(const std::string& name, MakeMesher<Device> make) {
-    added_meshers<Device>()[name] = std::move(make);
+    added_meshers<Device>().emplace_back(name, std::move(make));
+}
+
+/// All meshers; the options must outlive the result.
+template <class Device>
+NamedMeshers<Device> all_meshers(const MesherOptions& o) {
+    NamedMeshers<Device> all = {
+        {"tsdf", [&] { return std::make_unique<TsdfMesher<Device>>(o.tsdf); }},
+        {"tetrahedra", [&] { return std::make_unique<TetrahedraMesher<Device>>(o.tetrahedra); }},
+        {"watertight", [&] {
+             return std::make_unique<WatertightMesher<Device>>(o.tsdf.voxel_size,
+                                                               o.tsdf.resolution);
+         }}};
+    all.insert(all.end(), added_meshers<Device>().begin(), added_meshers<Device>().end());
+    return all;
 }
 
 /// Throws Error(ExitCode::usage) with the known names unless `name` is one of them.
 template <class Device>
-void require_mesher(const std::string& name) {
+std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const MesherOptions& options) {
     std::vector<std::string> known;
-    visit_meshers<Device>({},
-                          [&](auto, const char* ours, const auto&...) { known.push_back(ours); });
-    for (const auto& [added, make] : added_meshers<Device>()) known.push_back(added);
-    std::string all;
-    for (const std::string& one : known) {
-        if (one == name) return;
-        all += (all.empty() ? "" : ", ") + one;
+    std::string names;
+    for (const auto& [known_name, make] : all_meshers<Device>(options)) {
+        if (known_name == name) return make();
+        known.push_back(known_name), names += (names.empty() ? "" : ", ") + known_name;
     }
     const std::string near = nearest_name(name, known);
-    throw Error(ExitCode::usage, str("mesh.method = '", name, "': expected one of ", all,
+    throw Error(ExitCode::usage, str("mesh.method = '", name, "': expected one of ", names,
                                      near.empty() ? "" : str("; did you mean '", near, "'?")));
-}
-
-/// Throws what require_mesher() throws.
-template <class Device>
-std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const MesherOptions& options) {
-    require_mesher<Device>(name);
-    if (const auto added = added_meshers<Device>().find(name);
-        added != added_meshers<Device>().end())
-        return added->second();
-    std::unique_ptr<Mesher<Device>> made;
-    visit_meshers<Device>(
-        options, [&]<class Kind>(std::type_identity<Kind>, const char* ours, const auto&... of) {
-            if (ours == name) made = std::make_unique<Kind>(of...);
-        });
-    return made;
 }
 
 }  // namespace tvsgs

@@ -123,10 +123,11 @@ TEST(Mending, IsTheOptionsChoice) {
 TEST(Mending, DependsOnTheMesher) {
     using Traits = std::map<std::string, std::pair<bool, bool>>;  // rough, closed
     Traits found;
-    visit_meshers<Cpu>({}, [&](auto, const char* name, const auto&...) {
-        const auto mesher = make_mesher<Cpu>(name, {});
+    const MesherOptions options;
+    for (const auto& [name, make] : all_meshers<Cpu>(options)) {
+        const auto mesher = make();
         found[name] = {mesher->is_rough(), mesher->is_closed()};
-    });
+    }
     EXPECT_EQ(found, (Traits{{"tsdf", {true, false}},
                              {"tetrahedra", {false, false}},
                              {"watertight", {false, true}}}));
