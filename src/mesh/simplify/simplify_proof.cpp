@@ -6,6 +6,7 @@
 
 #include "core/device/parallel.h"
 #include "mesh/draw/mesh_render.h"
+#include "mesh/fuse/depth_view.h"
 
 namespace tvsgs {
 namespace {
@@ -38,16 +39,6 @@ float farthest_around(const ImageF& depth, float u, float v) {
 }
 
 constexpr std::size_t kMaxPoints = 1 << 18;  // in one direction
-constexpr std::size_t kChunk = 1024;         // consecutive points of a parallel task
-
-/// Calls action(first, last) for chunks of [0, count).
-template <class Action>
-void for_chunks(std::size_t count, const Action& action) {
-    parallel_for_heavy(Cpu{}, static_cast<int>((count + kChunk - 1) / kChunk), [&](int chunk) {
-        const std::size_t first = std::size_t(chunk) * kChunk;
-        action(first, std::min(count, first + kChunk));
-    });
-}
 
 /// Vertices first; then, for each face, its centre and the midpoints between centre and corners.
 Vec3f place_on(const TriangleMesh& mesh, std::size_t i) {
@@ -68,16 +59,12 @@ void add_distances(const MeasuredMesh& from,
                    const TriangleTree& to,
                    std::vector<double>& out,
                    SimplifyProof& proof) {
-    const std::size_t count = from.places.points.size(), before = out.size();
-    out.resize(before + count);
-    for_chunks(count, [&](std::size_t first, std::size_t last) {
-        std::size_t start = 0;
-        for (std::size_t i = first; i < last; ++i)
-            out[before + i] = to.distance(vec_cast<double>(from.places.points[i]),
-                                          std::numeric_limits<double>::infinity(), &start) /
-                              double(from.pixel_lengths[i]);
-    });
-    proof.points += count, proof.all_points += from.places.all;
+    std::vector<Vec3d> points;
+    for (const Vec3f& p : from.places.points) points.push_back(vec_cast<double>(p));
+    const std::vector<double> distances = to.distances(points);
+    for (std::size_t i = 0; i < points.size(); ++i)
+        out.push_back(distances[i] / double(from.pixel_lengths[i]));
+    proof.points += points.size(), proof.all_points += from.places.all;
 }
 
 }  // namespace
@@ -114,12 +101,8 @@ std::vector<float> least_pixel_lengths(const std::vector<Vec3f>& points,
     std::vector<float> out(points.size());
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
         const Vec3f point = points[i];
-        float least = kNone;
-        for (const Camera& camera : cameras)
-            if (is_in_view(camera, point))
-                least = std::min(least, (camera.camera_from_world * point).z /
-                                            std::max(camera.fx_px, camera.fy_px));
-        if (least == kNone) least = kUnseenPixels * nearest_pixel(point, cameras);
+        float least = pixel_length(cameras, point);
+        if (least == 0) least = kUnseenPixels * nearest_pixel(point, cameras);
         out[i] = std::clamp(least, kShortest, kLongest);
     });
     return out;
@@ -151,9 +134,11 @@ SimplifyProof measure(const MeasuredMesh& original, const MeasuredMesh& simplifi
 
 void carry_colors(const TriangleMesh& original, const TriangleTree& tree, TriangleMesh& mesh) {
     mesh.colors.resize(mesh.vertices.size());
-    for_chunks(mesh.vertices.size(), [&](std::size_t first, std::size_t last) {
-        std::size_t start = 0;
-        for (std::size_t i = first; i < last; ++i) {
+    constexpr std::size_t kChunk = 1024;  // consecutive points of a parallel task
+    const std::size_t count = mesh.vertices.size();
+    parallel_for_heavy(Cpu{}, static_cast<int>((count + kChunk - 1) / kChunk), [&](int chunk) {
+        std::size_t start = 0, i = std::size_t(chunk) * kChunk;
+        for (const std::size_t last = std::min(count, i + kChunk); i < last; ++i) {
             const Vec3d p = vec_cast<double>(mesh.vertices[i]);
             tree.distance(p, std::numeric_limits<double>::infinity(), &start);
             const Vec3i face = original.faces[tree.face(start)];
