@@ -133,14 +133,13 @@ TEST(EllipsoidImage, IsTheOutlineOfTheEllipsoid) {
 }
 
 TEST(Sight, TwoViewsOfThreeHaveToSeeThrough) {
-    EXPECT_FALSE(is_free({0, 0}, 2));
-    EXPECT_FALSE(is_free({1, 0}, 2));
-    EXPECT_TRUE(is_free({1, 1}, 2));
-    EXPECT_TRUE(is_free({2, 1}, 2));
-    EXPECT_FALSE(is_free({3, 1}, 2));
-    EXPECT_TRUE(is_free({3, 1}, 1));  // as published
-    EXPECT_TRUE(is_free({3, 2}, 2));
-    EXPECT_FALSE(is_free({3, 0}, 1));
+    EXPECT_FALSE(is_free({0, 0}));
+    EXPECT_FALSE(is_free({1, 0}));
+    EXPECT_TRUE(is_free({1, 1}));
+    EXPECT_TRUE(is_free({2, 1}));
+    EXPECT_FALSE(is_free({3, 1}));
+    EXPECT_TRUE(is_free({3, 2}));
+    EXPECT_FALSE(is_free({3, 0}));
 }
 
 /// Transmittance to each view whose image contains the point, by definition over all splats.
@@ -269,14 +268,14 @@ TEST(OpacityField, SplatsBelowAPixelHideWhatIsBehind) {
         const Vec3d behind = 1.1 * Vec3d{x, 0, -3} + Vec3d{0, 0, 3};
         const std::vector<Vec3f> points{vec_cast<float>(behind), {float(x), 0, 0.1f}};
         const auto sights = seen(g, {views, true, 0.2f}, points);
-        EXPECT_FALSE(is_free(sights[0], 2)) << u;
-        EXPECT_TRUE(is_free(sights[1], 2)) << u;
+        EXPECT_FALSE(is_free(sights[0])) << u;
+        EXPECT_TRUE(is_free(sights[1])) << u;
     }
 }
 
 TEST(OpacityField, HostileSplatsAreLeftOut) {
     Field field;
-    const auto before = seen(field.gaussians, {field.views, true, 0.2f, 2}, field.points);
+    const auto before = seen(field.gaussians, {field.views, true, 0.2f}, field.points);
     const float nan = std::nanf(""), inf = INFINITY;
     Gaussians<Cpu> g;
     resize(g, 406, 3);
@@ -291,7 +290,7 @@ TEST(OpacityField, HostileSplatsAreLeftOut) {
     g.means[400].x = nan, g.log_scales[401].y = nan, g.quats[402].w = nan;
     g.opacity_logits[403] = nan, g.means[404] = {inf, inf, inf}, g.quats[405] = {0, 0, 0, 0};
     g.log_scales[405] = {90, 90, 90};  // its squares overflow
-    const auto after = seen(g, {field.views, true, 0.2f, 2}, field.points);
+    const auto after = seen(g, {field.views, true, 0.2f}, field.points);
     for (std::size_t i = 0; i < before.size(); ++i) {
         EXPECT_EQ(before[i].clear, after[i].clear);
         EXPECT_EQ(before[i].views, after[i].views);
@@ -307,7 +306,7 @@ TEST(OpacityField, NoSplatsNoViewsNoPoints) {
     EXPECT_EQ(sight.clear, 2);  // and no more, because this decides
     EXPECT_TRUE(seen(none, {views, true, 0.2f}, {}).empty());
     const std::vector<View> nobody;
-    EXPECT_EQ(seen(none, {nobody, true, 0.2f, 2}, {{0, 0, 0}})[0].views, 0);
+    EXPECT_EQ(seen(none, {nobody, true, 0.2f}, {{0, 0, 0}})[0].views, 0);
     // Non-finite points are in no image.
     EXPECT_EQ(seen(none, {views, true, 0.2f}, {{std::nanf(""), 0, 0}, {INFINITY, 0, 0}})[1].views,
               0);
@@ -341,14 +340,14 @@ TEST(OpacityFieldTwin, SameSights) {
         ASSERT_EQ(found.size(), expected.size());
         int differing = 0;  // near the threshold
         for (std::size_t i = 0; i < found.size(); ++i)
-            differing += is_free(found[i], 2) != is_free(expected[i], 2);
+            differing += is_free(found[i]) != is_free(expected[i]);
         EXPECT_LE(differing, 3);
 
         // Segments between free points and others.
         std::vector<Vec3f> free_ends, inside_ends;
         for (std::size_t i = 0; i < expected.size(); ++i) {
             if (expected[i].views == 0) continue;
-            auto& ends = is_free(expected[i], 2) ? free_ends : inside_ends;
+            auto& ends = is_free(expected[i]) ? free_ends : inside_ends;
             ends.push_back(field.points[i]);
         }
         free_ends.resize(std::min(free_ends.size(), inside_ends.size()));

@@ -81,7 +81,7 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
     // Masks and boxes exclude.
     views[0].mask = views[1].mask = ImageU8(100, 100, 1, 0);
     EXPECT_EQ(pixel_footprints(splats, field, rules)[0], 0);
-    EXPECT_GT(pixel_footprints(splats, {views, false, 0.2f, 2}, rules)[0], 0);
+    EXPECT_GT(pixel_footprints(splats, {views, false, 0.2f}, rules)[0], 0);
     views[0].mask = views[1].mask = {};
     rules.depth_max = 2.5f;
     EXPECT_FLOAT_EQ(pixel_footprints(splats, field, rules)[0], 2.0f / 100);
