@@ -5,7 +5,7 @@
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/parse_numbers.h"
-#include "core/scene/local_origin.h"
+#include "core/scene/scene.h"
 #include "eval/geometry_scores.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/crop_file.h"

@@ -6,7 +6,7 @@
 #include "apps/export/report.h"
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
-#include "core/scene/local_origin.h"
+#include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"
 #include "mesh/draw/upright.h"

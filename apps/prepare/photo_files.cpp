@@ -4,7 +4,6 @@
 #include <filesystem>
 
 #include "core/log.h"
-#include "core/lower_case.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"

@@ -7,7 +7,7 @@
 
 #include "apps/prepare/photographs.h"
 #include "apps/prepare/sparse_model.h"
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 #include "io/files/json_value.h"
 #include "io/images/exif.h"
 

@@ -17,7 +17,7 @@
 #include "apps/prepare/reconstruct.h"
 #include "core/device/threads.h"
 #include "core/log.h"
-#include "core/scene/local_origin.h"
+#include "core/scene/scene.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"

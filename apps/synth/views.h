@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/math/quaternion.h"
+#include "core/math/rigid.h"
 #include "core/math/rng.h"
 #include "core/scene/camera.h"
 #include "render/tiles/camera_math.h"

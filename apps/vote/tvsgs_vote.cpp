@@ -6,7 +6,7 @@
 #include "core/grouped.h"
 #include "core/math/sigmoid.h"
 #include "core/progress.h"
-#include "core/scene/local_origin.h"
+#include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"

@@ -40,8 +40,10 @@ inline std::string printable(std::string text) {
 /// A message says where the error is, what was found, what was expected and what to do.
 class Error : public std::runtime_error {
 public:
-    Error(ExitCode code, const std::string& message)
-        : std::runtime_error(printable(message)), code_(code) {}
+    /// Concatenates the parts of the message.
+    template <class... Parts>
+    explicit Error(ExitCode code, const Parts&... parts)
+        : std::runtime_error(printable(str(parts...))), code_(code) {}
     ExitCode code() const { return code_; }
 
 private:
@@ -50,10 +52,9 @@ private:
 
 /// `what` says what was needed and what was available; the function adds advice.
 inline Error out_of_memory(const std::string& what) {
-    return Error(ExitCode::memory,
-                 str("out of memory: ", what,
-                     "; use fewer splats (--max-gaussians), smaller images (-r), or compact lists "
-                     "of votes (--set tv.lists=compact)"));
+    return Error(ExitCode::memory, "out of memory: ", what,
+                 "; use fewer splats (--max-gaussians), smaller images (-r), or compact lists "
+                 "of votes (--set tv.lists=compact)");
 }
 
 /// Runs `action`. An Error that passes through gains a line with the current activity `doing`.
@@ -62,7 +63,7 @@ decltype(auto) with_context(const std::string& doing, Action&& action) {
     try {
         return std::forward<Action>(action)();
     } catch (const Error& error) {
-        throw Error(error.code(), str(error.what(), "\n  while ", doing));
+        throw Error(error.code(), error.what(), "\n  while ", doing);
     }
 }
 

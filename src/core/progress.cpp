@@ -9,8 +9,6 @@
 #include <cstdio>
 #include <utility>
 
-#include "core/clock_text.h"
-
 namespace tvsgs {
 namespace {
 
@@ -31,6 +29,17 @@ void go_up(int lines) {
 void set_progress_style(ProgressStyle chosen) {
     style = chosen;
 }
+std::string clock_text(double seconds) {
+    const auto total = static_cast<long>(std::lround(std::min(seconds, 1e9)));
+    char text[48];
+    if (total >= 3600)
+        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
+                      total % 60);
+    else
+        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
+    return text;
+}
+
 ProgressStyle progress_style() {
     return style;
 }
@@ -59,8 +68,7 @@ void show_progress_lines(const std::vector<std::string>& lines) {
     const auto shown = static_cast<int>(std::min(lines.size(), rows));
     go_up(lines_open.exchange(shown));
     for (int i = 0; i < shown; ++i)
-        std::fprintf(stderr, "%s%s\033[K", i > 0 ? "\n" : "",
-                     lines[static_cast<std::size_t>(i)].substr(0, columns).c_str());
+        std::fprintf(stderr, "%s%s\033[K", i > 0 ? "\n" : "", lines[i].substr(0, columns).c_str());
     std::fputs("\033[J", stderr);
     std::fflush(stderr);
 }

@@ -55,6 +55,9 @@ private:
     ProgressRate pace_;
 };
 
+/// Seconds as a clock shows them: 65 -> "1:05".
+std::string clock_text(double seconds);
+
 /// Returns "0:12 [####....] 40 %  about 0:18 left" preceded by `what`. `left` NaN: unknown.
 /// `at_least`: later work may be slower, so `left` is a lower bound.
 std::string progress_text(

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <utility>
 
@@ -43,7 +42,7 @@ void ScratchFile::read(std::int64_t offset, void* data, std::size_t bytes) const
 }
 
 void ScratchFile::fail(const std::string& what) const {
-    throw Error(ExitCode::io, str(folder_, ": ", what, ": ", std::strerror(errno), "; ", purpose_));
+    throw Error(ExitCode::io, folder_, ": ", what, ": ", std::strerror(errno), "; ", purpose_);
 }
 
 }  // namespace tvsgs

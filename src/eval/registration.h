@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 #include "core/scene/crop.h"
 
 namespace tvsgs {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 #include "core/scene/crop.h"
 #include "eval/benchmark_files.h"
 #include "io/files/json_value.h"

@@ -4,7 +4,7 @@
 #include <numbers>
 
 #include "core/error.h"
-#include "core/scene/view_axis.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 namespace {

@@ -17,7 +17,7 @@
 namespace tvsgs {
 namespace {
 
-const SpzOptions kFormat{.frame = SplatFrame::rdf};  // the page uses the frame of the cameras
+const SplatFileOptions kFormat{.frame = SplatFrame::rdf};  // the page uses the frame of the cameras
 
 void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
     std::vector<int> order(g.means.size());

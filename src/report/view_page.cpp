@@ -5,7 +5,7 @@
 #include <map>
 #include <numeric>
 
-#include "core/device/parallel_errors.h"
+#include "core/device/parallel_lists.h"
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/version.h"

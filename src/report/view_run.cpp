@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "core/log.h"
-#include "core/scene/local_origin.h"
+#include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "mesh/simplify/simplify.h"

@@ -11,7 +11,7 @@
 
 #include "io/files/json_value.h"
 #include "io/splats/ply.h"
-#include "io/splats/spz.h"
+#include "io/splats/splat_files.h"
 #include "support/browser.h"
 #include "support/command.h"
 #include "support/random_gaussians.h"
@@ -72,8 +72,8 @@ protected:
         return result ? result->status : -1;
     }
     void write_snapshot(int iteration) {
-        write_spz(folder_ / "run/live/splats.spz", test::random_gaussians(200, 3, 0.05, 0),
-                  {.frame = SplatFrame::rdf});
+        write_splat_file(folder_ / "run/live/splats.spz", test::random_gaussians(200, 3, 0.05, 0),
+                         {.frame = SplatFrame::rdf});
         std::ofstream(folder_ / "run/live/state.json")
             << R"({"iteration": )" << iteration
             << R"(, "iterations": 4000, "seconds": 7, "gaussians": 200, "origin": [0, 0, 0]})";

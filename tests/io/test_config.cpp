@@ -118,12 +118,12 @@ TEST_F(Config, LaterBasesWinAndOwnKeysWinOverThem) {
     EXPECT_EQ(table.option("tv.name").source, (folder / "config.json").string());
     EXPECT_EQ(table.json().find("extends"), std::string::npos);
 
-    // Existing keys win over keys of read_text_below().
+    // Existing keys win over keys that are read below them.
     TestOptions others;
     OptionTable other;
     other.add("tv", others);
     other.set("tv.whiten", "true", "--set");
-    other.read_text_below((folder / "config.json").string(), own);
+    other.read_text((folder / "config.json").string(), own, /*below=*/true);
     EXPECT_EQ(others.refresh_every, 6);
     EXPECT_EQ(others.seed, 8);
     EXPECT_EQ(others.name, "third");

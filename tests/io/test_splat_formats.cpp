@@ -10,7 +10,6 @@
 #include "io/files/zip_archive.h"
 #include "io/images/webp.h"
 #include "io/splats/codebook.h"
-#include "io/splats/sh_palette.h"
 #include "io/splats/sog.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_errors.h"
@@ -46,7 +45,7 @@ TEST(SplatGlb, KeepsAllNumbers) {
     for (int degree = 0; degree <= 3; ++degree)
         for (const SplatFrame frame : {SplatFrame::luf, SplatFrame::rdf}) {
             const Gaussians<Cpu> g = test::random_gaussians(500, 3, 0.05, degree);
-            SplatGlbOptions options;
+            SplatFileOptions options;
             options.frame = frame;
             const Gaussians<Cpu> read =
                 parse_splat_glb(splat_glb_bytes("a.glb", g, options), "a.glb", frame);
@@ -122,7 +121,7 @@ TEST(SplatGlb, SaysWhatTheExtensionAsksFor) {
 /// Viewers show the scene upright: the node's rotation times that of the numbers is the scene's.
 TEST(SplatGlb, TurnsItsNodeByWhatTheFrameHasNotTurned) {
     Gaussians<Cpu> g = test::random_gaussians(3, 1);
-    SplatGlbOptions options;
+    SplatFileOptions options;
     options.origin = {5e5, 4e6, 100};
     options.projection = "EPSG:32632";
     options.upright_from_scene = {{{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}};
@@ -279,8 +278,9 @@ TEST_F(Zip, IsReadAsWrittenAndTheSameAgain) {
 
 class Sog : public IoTest {
 protected:
-    Gaussians<Cpu> through(const Gaussians<Cpu>& g, const SogOptions& options = {}) const {
-        return read_sog(write("a.sog", sog_bytes("a.sog", g, options)), options.frame);
+    Gaussians<Cpu> through(const Gaussians<Cpu>& g, const SplatFileOptions& options = {}) const {
+        return read_sog(write("a.sog", sog_bytes("a.sog", g, options)),
+                        options.frame.value_or(SplatFrame::rdf));
     }
 };
 
@@ -289,7 +289,7 @@ TEST_F(Sog, KeepsTheBoundsOfEachAttribute) {
         for (const SplatFrame frame : {SplatFrame::rdf, SplatFrame::rub}) {
             Gaussians<Cpu> g = test::random_gaussians(1000, 5, 0.05, degree);
             for (std::size_t i = 0; i < 100; ++i) g.means[i] = 200 * g.means[i];
-            SogOptions options;
+            SplatFileOptions options;
             options.frame = frame;
             const Gaussians<Cpu> read = through(g, options);
             ASSERT_EQ(read.size(), g.size());
@@ -328,8 +328,8 @@ TEST_F(Sog, HarmonicsOfFewKindsAndNumbersAreExact) {
     const SplatErrors e = errors_of(g, through(g));
     EXPECT_EQ(e.sh_1, 0);
     EXPECT_EQ(e.sh_rest, 0);
-    SogOptions few;
-    few.palette = 20;
+    SplatFileOptions few;
+    few.sog_palette = 20;
     EXPECT_GT(errors_of(g, through(g, few)).sh_1, 0.1);
 }
 
@@ -421,7 +421,7 @@ TEST_F(Sog, RefusesDamagedFiles) {
     refuses("a palette of", [](json& m, Files&) { m["shN"]["count"] = 65537; });
     refuses("the centre of splat", [](json& m, Files&) { m["means"]["maxs"][0] = 1e30; });
     refuses("not a WebP picture", [](json&, Files& f) { f[3].second = "RIFF"; });
-    refuses("a damaged WebP", [](json&, Files& f) { f[3].second.resize(f[3].second.size() / 2); });
+    refuses("decoding failed", [](json&, Files& f) { f[3].second.resize(f[3].second.size() / 2); });
     // Bytes that compress to almost nothing must not allow more memory or splats.
     const auto padded = [&](std::size_t bytes, std::int64_t count) {
         const std::string path = write("e.sog", "");

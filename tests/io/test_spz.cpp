@@ -7,6 +7,7 @@
 
 #include "core/device/threads.h"
 #include "io/splats/splat_errors.h"
+#include "io/splats/splat_files.h"
 #include "io/splats/spz.h"
 #include "io/splats/spz_math.h"
 #include "io_test.h"
@@ -114,15 +115,15 @@ TEST(Spz, HasTheBytesOfTheSpecification) {
 TEST(Spz, OfVersionTwoDiffersInItsRotations) {
     Gaussians<Cpu> g = one_splat();
     g.quats[0] = {-0.5f, 0.5f, 0.5f, -0.5f};  // same as its negative: 0.5, -0.5, -0.5, 0.5
-    SpzOptions options;
-    options.version = 2, options.frame = SplatFrame::rdf, options.antialiased = true;
+    SplatFileOptions options;
+    options.spz_version = 2, options.frame = SplatFrame::rdf, options.antialiased = true;
     const Bytes bytes = gunzip(spz_bytes(g, options));
     ASSERT_EQ(bytes.size(), 16u + 19 + 9);
     EXPECT_EQ(bytes[4], 2);
     EXPECT_EQ(bytes[14], 1);
     EXPECT_EQ(Bytes(bytes.begin() + 32, bytes.begin() + 35), (Bytes{64, 64, 191}));
     g.quats[0] = {0, 0, 0, -1};
-    options.version = 3;  // z, number 2, counts as 1, so the zeros of the others are negative
+    options.spz_version = 3;  // z, number 2, counts as 1, so the zeros of the others are negative
     const Bytes three = gunzip(spz_bytes(g, options));
     EXPECT_EQ(Bytes(three.begin() + 32, three.begin() + 36), (Bytes{0, 2, 8, 0xa0}));
 }
@@ -130,10 +131,10 @@ TEST(Spz, OfVersionTwoDiffersInItsRotations) {
 TEST(Spz, OfVersionFourHasTheNumbersOfVersionThree) {
     for (const int degree : {0, 3}) {
         const Gaussians<Cpu> g = test::random_gaussians(300, 4, 0.05, degree);
-        SpzOptions options;
+        SplatFileOptions options;
         options.antialiased = true;
         const Bytes three = spz_bytes(g, options), inside = gunzip(three);
-        options.version = 4;
+        options.spz_version = 4;
         const Bytes four = spz_bytes(g, options);
         EXPECT_EQ(four, spz_bytes(g, options));
         // The header, and a table that ends with the file.
@@ -173,8 +174,8 @@ TEST(Spz, OfVersionFourHasTheNumbersOfVersionThree) {
 }
 
 TEST(Spz, RefusesDamagedFilesOfVersionFour) {
-    SpzOptions options;
-    options.version = 4;
+    SplatFileOptions options;
+    options.spz_version = 4;
     const Bytes inside = gunzip(spz_bytes(test::random_gaussians(40, 2))),
                 ours = spz_bytes(test::random_gaussians(40, 2), options),
                 file = version_four(inside);
@@ -216,8 +217,8 @@ TEST(Spz, RefusesDamagedFilesOfVersionFour) {
 }
 
 TEST(Spz, RoundsHarmonicsByTheirDegree) {
-    SpzOptions options;
-    options.sh_bits_1 = 6, options.sh_bits_rest = 3;
+    SplatFileOptions options;
+    options.spz_sh_bits_1 = 6, options.spz_sh_bits_rest = 3;
     const Bytes bytes = gunzip(spz_bytes(test::random_gaussians(1000, 3), options));
     for (std::size_t k = 0; k < 15; ++k) {
         int common = 0;  // bits that are set somewhere
@@ -232,8 +233,8 @@ TEST(Spz, KeepsTheBoundsOfEachAttribute) {
             for (const SplatFrame frame : {SplatFrame::rub, SplatFrame::rdf, SplatFrame::luf}) {
                 Gaussians<Cpu> g = test::random_gaussians(1000, 7, 0.05, degree);
                 for (Vec3f& p : g.means.span()) p = 300 * p;  // 14 fractional bits
-                SpzOptions options;
-                options.version = version, options.frame = frame;
+                SplatFileOptions options;
+                options.spz_version = version, options.frame = frame;
                 const SpzContents read = parse_spz(spz_bytes(g, options), "a.spz", frame);
                 const Gaussians<Cpu>& r = read.splats;
                 EXPECT_EQ(read.version, version);
@@ -331,14 +332,14 @@ class SpzFiles : public IoTest {};
 TEST_F(SpzFiles, AreWrittenOverOursAndNoOthers) {
     const std::string path = (folder / "a.spz").string();
     const Gaussians<Cpu> g = one_splat();
-    write_spz(path, g);
-    write_spz(path, g);
+    write_splat_file(path, g);
+    write_splat_file(path, g);
     const std::string bytes = read_bytes(path);
     EXPECT_EQ(Bytes(bytes.begin(), bytes.end()), spz_bytes(g));
     EXPECT_EQ(read_spz(path).splats.size(), 1);
     write("b.spz", "holiday");
     expect_error(ExitCode::usage, "already exists and is not ours",
-                 [&] { write_spz((folder / "b.spz").string(), g); });
+                 [&] { write_splat_file((folder / "b.spz").string(), g); });
 }
 
 TEST(Spz, RefusesToWriteWhatItCannotSay) {

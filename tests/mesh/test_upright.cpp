@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 #include "mesh/draw/upright.h"
 #include "mesh/sphere_views.h"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "apps/prepare/sparse_model.h"
-#include "core/math/quaternion.h"
+#include "core/math/rigid.h"
 #include "io/files/json_value.h"
 #include "io/io_test.h"
 #include "support/command.h"

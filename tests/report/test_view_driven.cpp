@@ -1,7 +1,7 @@
 // Pages of tvsgs-view under user input, and while they follow a training.
 #include <gtest/gtest.h>
 
-#include "core/math/quaternion.h"
+#include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
 #include "io/splats/spz.h"
 #include "report/pictures.h"

@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "core/scene/local_origin.h"
+#include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/georeference.h"

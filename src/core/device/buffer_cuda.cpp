@@ -43,21 +43,20 @@ int cuda_device_count() {
 std::string use_cuda_device(int index) {
     int count = 0;
     if (const cudaError_t status = cudaGetDeviceCount(&count); status != cudaSuccess || count == 0)
-        throw Error(ExitCode::device,
-                    str("no usable GPU: ", cudaGetErrorString(status), "; use --device cpu"));
+        throw Error(ExitCode::device, "no usable GPU: ", cudaGetErrorString(status),
+                    "; use --device cpu");
     if (index < 0 || index >= count)
-        throw Error(ExitCode::device, str("no GPU cuda:", index, " on this machine; found ", count,
-                                          ", numbered from 0"));
+        throw Error(ExitCode::device, "no GPU cuda:", index, " on this machine; found ", count,
+                    ", numbered from 0");
     check_cuda(cudaSetDevice(index));
     cudaDeviceProp properties{};
     check_cuda(cudaGetDeviceProperties(&properties, index));
     if (const cudaError_t status = find_device_code(); status != cudaSuccess)
-        throw Error(ExitCode::device,
-                    str("GPU cuda:", index, ", ", properties.name, ", compute capability ",
-                        properties.major, ".", properties.minor,
-                        ": this build has no code for it (", cudaGetErrorString(status),
-                        "); build with -DCMAKE_CUDA_ARCHITECTURES=", properties.major,
-                        properties.minor, ", or use --device cpu"));
+        throw Error(ExitCode::device, "GPU cuda:", index, ", ", properties.name,
+                    ", compute capability ", properties.major, ".", properties.minor,
+                    ": this build has no code for it (", cudaGetErrorString(status),
+                    "); build with -DCMAKE_CUDA_ARCHITECTURES=", properties.major, properties.minor,
+                    ", or use --device cpu");
     return properties.name;
 }
 

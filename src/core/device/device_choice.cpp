@@ -16,8 +16,7 @@ DeviceChoice choose_device(const std::string& name) {
         const bool numbered = name.starts_with("cuda:") && name.size() > 5 && name.size() < 9 &&
                               name.find_first_not_of("0123456789", 5) == std::string::npos;
         if (!numbered)
-            throw Error(ExitCode::usage,
-                        str("--device ", name, ": expected auto, cpu, cuda or cuda:N"));
+            throw Error(ExitCode::usage, "--device ", name, ": expected auto, cpu, cuda or cuda:N");
         index = std::stoi(name.substr(5));
     }
     if constexpr (kHasCuda) {
@@ -36,14 +35,13 @@ std::vector<int> choose_gpus(const std::string& list) {
     if constexpr (kHasCuda) {
         return choose_gpus(list, cuda_device_count());
     } else {
-        throw Error(ExitCode::device,
-                    str("--gpus ", list,
-                        ": this build has no CUDA; use --jobs, or build with -DTVSGS_CUDA=ON"));
+        throw Error(ExitCode::device, "--gpus ", list,
+                    ": this build has no CUDA; use --jobs, or build with -DTVSGS_CUDA=ON");
     }
 }
 
 std::vector<int> choose_gpus(const std::string& list, int count) {
-    if (count == 0) throw Error(ExitCode::device, str("--gpus ", list, ": no usable GPU"));
+    if (count == 0) throw Error(ExitCode::device, "--gpus ", list, ": no usable GPU");
     std::vector<int> gpus;
     if (list == "all") {
         for (int gpu = 0; gpu < count; ++gpu) gpus.push_back(gpu);
@@ -54,14 +52,14 @@ std::vector<int> choose_gpus(const std::string& list, int count) {
         const bool is_number = !word.empty() && word.size() < 4 &&
                                word.find_first_not_of("0123456789") == std::string::npos;
         if (!is_number)
-            throw Error(ExitCode::usage,
-                        str("--gpus ", list, ": expected all, or GPU numbers such as 0,1,3"));
+            throw Error(ExitCode::usage, "--gpus ", list,
+                        ": expected all, or GPU numbers such as 0,1,3");
         const int gpu = std::stoi(word);
         if (std::find(gpus.begin(), gpus.end(), gpu) != gpus.end())
-            throw Error(ExitCode::usage, str("--gpus ", list, ": GPU ", gpu, " is given twice"));
+            throw Error(ExitCode::usage, "--gpus ", list, ": GPU ", gpu, " is given twice");
         if (gpu >= count)
-            throw Error(ExitCode::device, str("--gpus ", list, ": no GPU ", gpu,
-                                              "; this machine has 0 to ", count - 1));
+            throw Error(ExitCode::device, "--gpus ", list, ": no GPU ", gpu,
+                        "; this machine has 0 to ", count - 1);
         gpus.push_back(gpu);
     }
     return gpus;

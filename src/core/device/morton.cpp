@@ -16,16 +16,13 @@ void morton_order(Span<const Vec3f> points, Buffer<int, Cpu>& order) {
         auto operator<=>(const Key&) const = default;
     };
     std::vector<Key> keys(points.count);
-    parallel_for(Cpu{}, points.size(), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, points.size(), [&](std::size_t at) {
         const MortonCode code = box.code(points[at]);
-        keys[at] = {code.high, code.low, i};
+        keys[at] = {code.high, code.low, static_cast<int>(at)};
     });
     sort_in_parallel(keys, std::less<>());
     order.resize(points.count);
-    parallel_for(Cpu{}, points.size(), [&](int i) {
-        order[static_cast<std::size_t>(i)] = keys[static_cast<std::size_t>(i)].place;
-    });
+    parallel_for(Cpu{}, points.size(), [&](int i) { order[i] = keys[i].place; });
 }
 
 }  // namespace tvsgs

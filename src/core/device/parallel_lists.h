@@ -1,13 +1,31 @@
-// Parallel filter, gather and sort of lists on the host. The result equals that of one thread.
+// Parallel filter, gather and sort of lists on the host, and a loop whose bodies may throw. The
+// result equals that of one thread.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <exception>
 #include <vector>
 
 #include "core/device/parallel.h"
 
 namespace tvsgs {
+
+/// Calls body(i) for i in [0, count); for few and heavy bodies. After all bodies have run, throws
+/// the error of the smallest i, if any.
+template <class Body>
+void parallel_for_throwing(int count, const Body& body) {
+    std::vector<std::exception_ptr> errors(static_cast<std::size_t>(count));
+    parallel_for_heavy(Cpu{}, count, [&](int i) {
+        try {
+            body(i);
+        } catch (...) {
+            errors[i] = std::current_exception();
+        }
+    });
+    for (const std::exception_ptr& error : errors)
+        if (error) std::rethrow_exception(error);
+}
 
 inline constexpr int kListParts = 64;  // independent of the number of threads
 
@@ -46,7 +64,7 @@ template <class T>
 std::vector<T> taken(const std::vector<T>& from, const std::vector<int>& numbers) {
     std::vector<T> out(numbers.size());
     parallel_for(Cpu{}, static_cast<int>(numbers.size()),
-                 [&](int i) { out[std::size_t(i)] = from[std::size_t(numbers[std::size_t(i)])]; });
+                 [&](int i) { out[i] = from[std::size_t(numbers[i])]; });
     return out;
 }
 

@@ -50,6 +50,8 @@ TVSGS_HD inline double maximum(double a, double b) {
 
 template <class Real>
 inline constexpr bool kIsDouble = std::is_same_v<Real, double>;
+template <class Number>
+concept Arithmetic = std::is_arithmetic_v<Number>;
 
 #if defined(__CUDACC__)
 template <class T, int kBytes = 16>
@@ -119,11 +121,17 @@ namespace detail {
 [[gnu::target("avx2")]] inline unsigned signs8(__m256 x) {
     return static_cast<unsigned>(_mm256_movemask_ps(x));
 }
+inline unsigned signs4(__m128 x) {
+    return static_cast<unsigned>(_mm_movemask_ps(x));
+}
+inline __m128 sqrt4(__m128 x) {
+    return _mm_sqrt_ps(x);
+}
 template <class T, int kBytes>
-inline constexpr bool kIsM256 = kBytes == 32 && std::is_same_v<T, float>;
+inline constexpr int kFloatBytes = std::is_same_v<T, float> ? kBytes : 0;
 #else
 template <class T, int kBytes>
-inline constexpr bool kIsM256 = false;
+inline constexpr int kFloatBytes = 0;
 #endif
 }  // namespace detail
 
@@ -144,14 +152,11 @@ struct Pack {
         friend bool all(Mask a) { return !any(!a); }
         /// Bit i is set if entry i is true.
         friend unsigned bits_of(Mask a) {
-            if constexpr (detail::kIsM256<T, kBytes>)
+            if constexpr (detail::kFloatBytes<T, kBytes> == 32)
                 return detail::signs8(reinterpret_cast<Values>(a.bits));
+            if constexpr (detail::kFloatBytes<T, kBytes> == 16)
+                return detail::signs4(reinterpret_cast<Values>(a.bits));
             unsigned bits = 0;
-#if defined(__SSE__)
-            if constexpr (kBytes == 16 && sizeof(T) == 4)
-                return static_cast<unsigned>(
-                    __builtin_ia32_movmskps(reinterpret_cast<Values>(a.bits)));
-#endif
             for (int i = 0; i < kSize; ++i) bits |= (a.bits[i] != 0 ? 1u : 0u) << i;
             return bits;
         }
@@ -162,99 +167,60 @@ struct Pack {
     Pack() = default;
     // Copies the vector, because GCC would copy the bytes of wide ones in halves.
     Pack(const Pack& b) : v(b.v) {}
-    Pack& operator=(const Pack& b) {
-        return v = b.v, *this;
-    }
+    Pack& operator=(const Pack& b) { return v = b.v, *this; }
     Pack(Values values) : v(values) {}
-    template <class U>
-    requires std::is_arithmetic_v<U> Pack(U x) : v(broadcast(static_cast<T>(x))) {}
+    template <Arithmetic U>
+    Pack(U x) : v(broadcast(static_cast<T>(x))) {}
     Pack(T a, T b, T c, T d) : v{a, b, c, d} {}
 
-    T operator[](int i) const {
-        return v[i];
-    }
-    void set(int i, T x) {
-        v[i] = x;
-    }
+    T operator[](int i) const { return v[i]; }
+    void set(int i, T x) { v[i] = x; }
     static Pack load(const T* from) {
         Pack p;
         __builtin_memcpy(&p.v, from, kBytes);
         return p;
     }
     /// Entries with these bits; only for select() and less_bits().
-    static Pack from_bits(Int bits) {
-        return T(std::bit_cast<T>(bits));
-    }
-    void store(T* to) const {
-        __builtin_memcpy(to, &v, kBytes);
-    }
+    static Pack from_bits(Int bits) { return T(std::bit_cast<T>(bits)); }
+    void store(T* to) const { __builtin_memcpy(to, &v, kBytes); }
 
     static Values broadcast(T x) {
-        if constexpr (detail::kIsM256<T, kBytes>) return detail::broadcast8(x);
+        if constexpr (detail::kFloatBytes<T, kBytes> == 32) return detail::broadcast8(x);
         if constexpr (kSize == 2) return Values{x, x};
         if constexpr (kSize == 4) return Values{x, x, x, x};
         if constexpr (kSize == 8) return Values{x, x, x, x, x, x, x, x};
     }
 
-    friend Pack operator+(Pack a, Pack b) {
-        return a.v + b.v;
-    }
-    friend Pack operator-(Pack a, Pack b) {
-        return a.v - b.v;
-    }
-    friend Pack operator*(Pack a, Pack b) {
-        return a.v * b.v;
-    }
-    friend Pack operator/(Pack a, Pack b) {
-        return a.v / b.v;
-    }
-    friend Pack operator-(Pack a) {
-        return -a.v;
-    }
-    Pack& operator+=(Pack b) {
-        return v += b.v, *this;
-    }
-    Pack& operator-=(Pack b) {
-        return v -= b.v, *this;
-    }
+    friend Pack operator+(Pack a, Pack b) { return a.v + b.v; }
+    friend Pack operator-(Pack a, Pack b) { return a.v - b.v; }
+    friend Pack operator*(Pack a, Pack b) { return a.v * b.v; }
+    friend Pack operator/(Pack a, Pack b) { return a.v / b.v; }
+    friend Pack operator-(Pack a) { return -a.v; }
+    Pack& operator+=(Pack b) { return v += b.v, *this; }
+    Pack& operator-=(Pack b) { return v -= b.v, *this; }
 
-    friend Mask operator<(Pack a, Pack b) {
-        return {a.v < b.v};
-    }
-    friend Mask operator>(Pack a, Pack b) {
-        return {a.v > b.v};
-    }
-    friend Mask operator<=(Pack a, Pack b) {
-        return {a.v <= b.v};
-    }
-    friend Mask operator>=(Pack a, Pack b) {
-        return {a.v >= b.v};
-    }
-    friend Mask operator==(Pack a, Pack b) {
-        return {a.v == b.v};
-    }
+    friend Mask operator<(Pack a, Pack b) { return {a.v < b.v}; }
+    friend Mask operator>(Pack a, Pack b) { return {a.v > b.v}; }
+    friend Mask operator<=(Pack a, Pack b) { return {a.v <= b.v}; }
+    friend Mask operator>=(Pack a, Pack b) { return {a.v >= b.v}; }
+    friend Mask operator==(Pack a, Pack b) { return {a.v == b.v}; }
 
     /// Compares the bits of the entries as integers.
     friend Mask less_bits(Pack a, Pack b) {
         return {reinterpret_cast<Ints>(a.v) < reinterpret_cast<Ints>(b.v)};
     }
-    friend Pack select(Mask condition, Pack a, Pack b) {
-        return condition.bits ? a.v : b.v;
-    }
+    friend Pack select(Mask condition, Pack a, Pack b) { return condition.bits ? a.v : b.v; }
     template <class Make>
     friend Pack choose(Mask condition, const Make& make, Pack otherwise) {
         return select(condition, make(), otherwise);
     }
     friend Pack minimum(Pack a, Pack b) {
-        if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::minimum8(a.v, b.v));
+        if constexpr (detail::kFloatBytes<T, kBytes> == 32)
+            return Values(detail::minimum8(a.v, b.v));
         return a.v < b.v ? a.v : b.v;
     }
-    friend Pack maximum(Pack a, Pack b) {
-        return a.v > b.v ? a.v : b.v;
-    }
-    friend Pack clamped(Pack a, Pack low, Pack high) {
-        return minimum(maximum(a, low), high);
-    }
+    friend Pack maximum(Pack a, Pack b) { return a.v > b.v ? a.v : b.v; }
+    friend Pack clamped(Pack a, Pack low, Pack high) { return minimum(maximum(a, low), high); }
     /// Rounds towards zero. The numbers must fit an int.
     friend Pack truncated(Pack a) {
         return __builtin_convertvector(__builtin_convertvector(a.v, Ints), Values);
@@ -264,10 +230,8 @@ struct Pack {
                                         std::numeric_limits<Int>::max());
     }
     friend Pack sqrt(Pack a) {
-        if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::sqrt8(a.v));
-#if defined(__SSE__)
-        if constexpr (kBytes == 16 && sizeof(T) == 4) return Values(__builtin_ia32_sqrtps(a.v));
-#endif
+        if constexpr (detail::kFloatBytes<T, kBytes> == 32) return Values(detail::sqrt8(a.v));
+        if constexpr (detail::kFloatBytes<T, kBytes> == 16) return Values(detail::sqrt4(a.v));
         for (int i = 0; i < kSize; ++i) a.v[i] = std::sqrt(a.v[i]);
         return a;
     }

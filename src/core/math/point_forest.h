@@ -28,8 +28,7 @@ public:
         for_parts(order_.size(), [&](std::size_t number, std::size_t first, std::size_t last) {
             Part& part = parts_[number];
             part.points.reserve(last - first);
-            for (std::size_t i = first; i < last; ++i)
-                part.points.push_back(points[static_cast<std::size_t>(order_[i])]);
+            for (std::size_t i = first; i < last; ++i) part.points.push_back(points[order_[i]]);
             if (part.points.empty()) return;
             part.low = part.high = part.points.front();
             for (const Vec3f p : part.points)
@@ -55,7 +54,7 @@ public:
                 for (const Part& part : parts_)
                     if (&part != &own && part.tree && part.squared_distance(p) <= nearest.limit())
                         part.search(p, nearest);
-                action(static_cast<std::size_t>(order_[i]), nearest.squared, nearest.count);
+                action(order_[i], nearest.squared, nearest.count);
             }
         });
     }

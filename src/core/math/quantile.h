@@ -15,10 +15,19 @@ T quantile(std::vector<T>& values, double share) {
     const double at = share * static_cast<double>(values.size() - 1);
     const auto below = static_cast<std::ptrdiff_t>(at);
     std::nth_element(values.begin(), values.begin() + below, values.end());
-    const T low = values[static_cast<std::size_t>(below)];
+    const T low = values[below];
     const auto next = std::min_element(values.begin() + below + 1, values.end());
     if (next == values.end()) return low;
     return low + static_cast<T>(at - static_cast<double>(below)) * (*next - low);
+}
+
+/// The entry at half the size in ascending order, the upper median. Reorders `values`, which must
+/// not be empty.
+template <class T>
+T middle_of(std::vector<T>& values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
 }
 
 }  // namespace tvsgs

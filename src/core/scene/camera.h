@@ -18,6 +18,12 @@ TVSGS_HD inline Vec3f camera_centre(const Camera& camera) {
     return -transpose_times(camera.camera_from_world.R, camera.camera_from_world.t);
 }
 
+/// Viewing direction of the camera: a unit vector in the world.
+inline Vec3d optical_axis(const Camera& camera) {
+    const Mat3f& R = camera.camera_from_world.R;
+    return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
+}
+
 /// Ray through the centre of pixel (x, y), with z = 1, in the camera frame.
 TVSGS_HD inline Vec3f pixel_ray(const Camera& camera, int x, int y) {
     return {(static_cast<float>(x) + 0.5f - camera.cx_px) / camera.fx_px,

@@ -65,8 +65,7 @@ void resize(Gaussians<Device>& g, int count, int sh_degree) {
     for_each_array(
         [count](const SplatArray& array, auto& values) {
             if (!array.optional || !values.empty())
-                values.resize(static_cast<std::size_t>(count) *
-                              static_cast<std::size_t>(array.planes));
+                values.resize(std::size_t(count) * array.planes);
         },
         g);
 }

@@ -15,19 +15,16 @@ enum class PriorGeometry { unknown, z, ray };
 enum class PriorAlignment { metric, scale, affine, rank };
 
 inline const char* name_of(PriorQuantity quantity) {
-    return quantity == PriorQuantity::inverse_depth ? "inverse_depth"
-           : quantity == PriorQuantity::log_depth   ? "log_depth"
-           : quantity == PriorQuantity::depth       ? "depth"
-                                                    : "unknown";
+    constexpr const char* kNames[] = {"unknown", "depth", "inverse_depth", "log_depth"};
+    return kNames[static_cast<int>(quantity)];
 }
 inline const char* name_of(PriorGeometry geometry) {
-    return geometry == PriorGeometry::ray ? "ray" : geometry == PriorGeometry::z ? "z" : "unknown";
+    constexpr const char* kNames[] = {"unknown", "z", "ray"};
+    return kNames[static_cast<int>(geometry)];
 }
 inline const char* name_of(PriorAlignment alignment) {
-    return alignment == PriorAlignment::metric   ? "metric"
-           : alignment == PriorAlignment::scale  ? "scale"
-           : alignment == PriorAlignment::affine ? "affine"
-                                                 : "rank";
+    constexpr const char* kNames[] = {"metric", "scale", "affine", "rank"};
+    return kNames[static_cast<int>(alignment)];
 }
 
 /// Convention of the depth maps of one source.

@@ -1,6 +1,7 @@
 // Scene, views and point clouds: output of the readers, input of the training.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -47,12 +48,27 @@ struct PointCloud {
     std::vector<float> confidences{};  // stereo: [0, 1]; empty: none
 };
 
+/// Origin to subtract from a scene far from zero, so that float keeps its precision.
+/// Zero unless the places (for example camera centres) lie more than 100 of their radii from zero;
+/// up to there float loses fewer than 7 of its 24 bits. Otherwise the mean of the places, rounded
+/// to few digits. A single place has radius 1.
+inline Vec3d local_origin(const std::vector<Vec3d>& places) {
+    Vec3d mean;
+    for (const Vec3d p : places) mean += p / static_cast<double>(places.size());
+    double radius = 0;
+    for (const Vec3d p : places) radius = std::max(radius, norm(p - mean));
+    if (radius == 0) radius = 1;
+    if (!(norm(mean) > 100 * radius)) return {};
+    const double unit = std::exp2(std::floor(std::log2(radius)));
+    for (int axis = 0; axis < 3; ++axis) mean[axis] = unit * std::nearbyint(mean[axis] / unit);
+    return mean;
+}
+
 /// All views, points and fixed splats of one scene.
 struct Scene {
     std::string path;
-    /// Origin of the scene's frame in the frame of the files. Float lacks precision for places far
-    /// from zero (UTM), so readers subtract it and writers add it, in double. See
-    /// core/scene/local_origin.h.
+    /// Origin of the scene's frame in the frame of the files: local_origin(). Readers subtract it
+    /// and writers add it, in double.
     Vec3d origin{};
     std::vector<View> train, test;  // each sorted by name
     PointCloud points;              // initial cloud

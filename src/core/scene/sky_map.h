@@ -66,8 +66,7 @@ struct SkyMap {
         const SkyTexels around = texels_around(direction, size);
         Vec3f color;
         for (int i = 0; i < 4; ++i) {
-            const std::uint8_t* const texel =
-                texels + 3 * static_cast<std::size_t>(around.index[i]);
+            const std::uint8_t* const texel = texels + std::size_t{3} * around.index[i];
             for (int c = 0; c < 3; ++c)
                 color[c] += around.weight[i] / 255 * static_cast<float>(texel[c]);
         }

@@ -11,12 +11,11 @@ namespace tvsgs {
 /// For each plane of an array: plane[numbers[0]], plane[numbers[1]], ...
 template <class T>
 Buffer<T, Cpu> taken(const Buffer<T, Cpu>& from, const std::vector<int>& numbers, int planes) {
-    Buffer<T, Cpu> out(numbers.size() * static_cast<std::size_t>(planes));
-    const std::size_t all = from.size() / static_cast<std::size_t>(planes);
-    for (std::size_t p = 0; p < static_cast<std::size_t>(planes); ++p)
-        parallel_for(Cpu{}, static_cast<int>(numbers.size()), [&](int i) {
-            const auto at = static_cast<std::size_t>(i);
-            out[p * numbers.size() + at] = from[p * all + static_cast<std::size_t>(numbers[at])];
+    Buffer<T, Cpu> out(numbers.size() * planes);
+    const std::size_t all = from.size() / planes;
+    for (int p = 0; p < planes; ++p)
+        parallel_for(Cpu{}, static_cast<int>(numbers.size()), [&](std::size_t at) {
+            out[p * numbers.size() + at] = from[p * all + numbers[at]];
         });
     return out;
 }

@@ -33,20 +33,20 @@ const StateArray* State::find(std::string_view name) const {
 const StateArray& State::get(std::string_view name, std::size_t element_bytes) const {
     const StateArray* const array = find(name);
     if (array == nullptr)
-        throw Error(ExitCode::input, str("the checkpoint has no array '", name,
-                                         "'; another program or version wrote it"));
+        throw Error(ExitCode::input, "the checkpoint has no array '", name,
+                    "'; another program or version wrote it");
     if (array->element_bytes != element_bytes)
-        throw Error(ExitCode::input, str("checkpoint array '", name, "' has elements of ",
-                                         array->element_bytes, " bytes, expected ", element_bytes,
-                                         "; another program or version wrote it"));
+        throw Error(ExitCode::input, "checkpoint array '", name, "' has elements of ",
+                    array->element_bytes, " bytes, expected ", element_bytes,
+                    "; another program or version wrote it");
     return *array;
 }
 
 const StateArray& State::get_one(std::string_view name, std::size_t element_bytes) const {
     const StateArray& array = get(name, element_bytes);
     if (array.count() != 1)
-        throw Error(ExitCode::input, str("checkpoint array '", name, "' has ", array.count(),
-                                         " elements, expected 1"));
+        throw Error(ExitCode::input, "checkpoint array '", name, "' has ", array.count(),
+                    " elements, expected 1");
     return array;
 }
 

@@ -12,7 +12,6 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
-#include "core/lower_case.h"
 #include "core/nearest_name.h"
 #include "io/config/built_in_configs.h"
 #include "io/files/read_file.h"
@@ -77,12 +76,6 @@ float to_float(double value) {
     return static_cast<float>(std::clamp(value, -kMax, kMax));
 }
 
-std::string join(const std::vector<std::string>& words) {
-    std::string out;
-    for (const std::string& word : words) out += str(out.empty() ? "" : ", ", word);
-    return out;
-}
-
 /// Description of the allowed values, for help and messages.
 std::string expectation(const Option& option) {
     switch (option.kind) {
@@ -97,7 +90,7 @@ std::string expectation(const Option& option) {
         case Option::Kind::text:
             return "text";
         case Option::Kind::choice:
-            return str("one of ", join(option.choices));
+            return str("one of ", joined(option.choices));
     }
     return {};
 }
@@ -162,13 +155,6 @@ bool json_fits(const Json& value, Option::Kind kind) {
     return value.is_string();
 }
 
-template <class Number>
-Number parsed(const std::string& text) {
-    Number number{};
-    parse_number(text, number);  // accepted() has checked it
-    return number;
-}
-
 template <class Options>
 auto find_option(Options& options, const std::string& key) {
     const auto found = std::find_if(options.begin(), options.end(),
@@ -222,9 +208,8 @@ std::vector<std::string> bases_of(const Json& json, const std::string& file) {
     const auto is_text = [](const Json& base) { return base.is_string(); };
     if (bases.is_array() && std::all_of(bases.begin(), bases.end(), is_text))
         return bases.get<std::vector<std::string>>();
-    throw Error(ExitCode::usage,
-                str(file, ": extends = ", dumped(bases),
-                    ": expected a configuration's name, a file, or a list of them"));
+    throw Error(ExitCode::usage, file, ": extends = ", dumped(bases),
+                ": expected a configuration's name, a file, or a list of them");
 }
 
 std::string config_text(const std::string& path) {
@@ -249,8 +234,8 @@ void collect(const std::string& file,
             is_file ? (fs::path(file).parent_path() / base).lexically_normal().string()
                     : str("configs/", base, ".json");
         if (std::find(extending.begin(), extending.end(), from) != extending.end())
-            throw Error(ExitCode::usage, str(file, ": extends '", base,
-                                             "', which extends this file; remove one of the two"));
+            throw Error(ExitCode::usage, file, ": extends '", base,
+                        "', which extends this file; remove one of the two");
         with_context(str("reading the base of ", file), [&] {
             collect(from, is_file ? config_text(from) : built_in_config(base), extending, out);
         });
@@ -260,8 +245,8 @@ void collect(const std::string& file,
     std::set<std::string> seen;
     for (std::size_t i = first; i < out.size(); ++i)
         if (!seen.insert(out[i].key).second)
-            throw Error(ExitCode::usage,
-                        str(file, ": key '", out[i].key, "' is given twice; remove one"));
+            throw Error(ExitCode::usage, file, ": key '", out[i].key,
+                        "' is given twice; remove one");
 }
 
 }  // namespace
@@ -275,8 +260,8 @@ Option& OptionTable::find(const std::string& key, const std::string& source) {
 void OptionTable::set(Option& option, std::string_view value, const std::string& source) {
     std::string text;
     if (!accepted(option, value, text))
-        throw Error(ExitCode::usage, str(source, ": ", option.key, " = '", value, "': expected ",
-                                         expectation(option)));
+        throw Error(ExitCode::usage, source, ": ", option.key, " = '", value, "': expected ",
+                    expectation(option));
     option.set(text);
     option.source = source;
 }
@@ -296,7 +281,7 @@ void OptionTable::set_all(const std::vector<std::string>& settings) {
     for (const std::string& setting : settings) {
         const std::size_t equals = setting.find('=');
         if (equals == std::string::npos)
-            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
+            throw Error(ExitCode::usage, "--set ", setting, ": expected KEY=VALUE");
         set(setting.substr(0, equals), setting.substr(equals + 1), "--set");
     }
 }
@@ -305,14 +290,7 @@ void OptionTable::read_file(const std::string& path) {
     read_text(path, config_text(path));
 }
 
-void OptionTable::read_text(const std::string& source, const std::string& text) {
-    read(source, text, false);
-}
-void OptionTable::read_text_below(const std::string& source, const std::string& text) {
-    read(source, text, true);
-}
-
-void OptionTable::read(const std::string& source, const std::string& text, bool below) {
+void OptionTable::read_text(const std::string& source, const std::string& text, bool below) {
     std::vector<Leaf> leaves;
     collect(source, text, {}, leaves);
     if (below) std::reverse(leaves.begin(), leaves.end());  // only the first occurrence sets a key
@@ -322,13 +300,13 @@ void OptionTable::read(const std::string& source, const std::string& text, bool 
         };
         if (std::any_of(options_.begin(), options_.end(), in_group)) {
             if (value.is_object()) continue;  // an empty group
-            throw Error(ExitCode::usage,
-                        str(file, ": ", key, " is a group of keys; expected an object, {...}"));
+            throw Error(ExitCode::usage, file, ": ", key,
+                        " is a group of keys; expected an object, {...}");
         }
         Option& option = find(key, file);
         if (!json_fits(value, option.kind))
-            throw Error(ExitCode::usage, str(file, ": ", key, " = ", dumped(value), ": expected ",
-                                             expectation(option)));
+            throw Error(ExitCode::usage, file, ": ", key, " = ", dumped(value), ": expected ",
+                        expectation(option));
         if (below && !option.source.empty()) continue;
         set(option, value.is_string() ? value.get<std::string>() : value.dump(), file);
         option.source = source;
@@ -367,8 +345,7 @@ std::string OptionTable::json(const JsonValue& info) const {
              begin = dot + 1)
             place = &(*place)[option.key.substr(begin, dot - begin)];
         Json& value = (*place)[option.key.substr(begin)];
-        const bool is_string =
-            option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
+        const bool is_string = option.is_string();
         value = is_string ? Json(option.get()) : Json::parse(option.get());
         if (is_string && !is_utf8(option.get()))
             spdlog::warn(
@@ -390,71 +367,35 @@ std::string OptionTable::help() const {
         if (group != last_group)
             out += str(out.empty() ? "" : "\n", group.empty() ? "" : group + ":\n");
         last_group = group;
-        const bool is_string =
-            option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
         out += str("  ", option.key, std::string(width - option.key.size() + 2, ' '), option.help,
                    " (", expectation(option), "; default ",
-                   is_string ? json_text(option.get()) : option.get(), ")\n");
+                   option.is_string() ? json_text(option.get()) : option.get(), ")\n");
     }
     return out;
 }
 
-void OptionTable::Collector::operator()(const char* key,
-                                        int& value,
-                                        Range range,
-                                        const char* help) {
-    range.min = std::max(range.min, static_cast<double>(std::numeric_limits<int>::min()));
-    range.max = std::min(range.max, static_cast<double>(std::numeric_limits<int>::max()));
-    table.options_.push_back({prefix + key,
-                              help,
-                              Option::Kind::integer,
-                              range,
-                              {},
-                              [&value] { return number_text(value); },
-                              [&value](const std::string& text) { value = parsed<int>(text); }});
-}
-void OptionTable::Collector::operator()(const char* key,
-                                        std::int64_t& value,
-                                        Range range,
-                                        const char* help) {
-    table.options_.push_back(
-        {prefix + key,
-         help,
-         Option::Kind::integer,
-         range,
-         {},
-         [&value] { return number_text(value); },
-         [&value](const std::string& text) { value = parsed<std::int64_t>(text); }});
-}
-void OptionTable::Collector::operator()(const char* key,
-                                        float& value,
-                                        Range range,
-                                        const char* help) {
-    table.options_.push_back({prefix + key,
-                              help,
-                              Option::Kind::real,
-                              range,
-                              {},
-                              [&value] { return number_text(value); },
-                              [&value](const std::string& text) { value = parsed<float>(text); }});
-}
-void OptionTable::Collector::operator()(const char* key, bool& value, const char* help) {
-    table.options_.push_back({prefix + key,
-                              help,
-                              Option::Kind::boolean,
-                              {0, 0},
-                              {},
-                              [&value] { return value ? "true" : "false"; },
-                              [&value](const std::string& text) { value = text == "true"; }});
-}
-void OptionTable::Collector::operator()(const char* key, std::string& value, const char* help) {
-    table.options_.push_back({prefix + key,
-                              help,
-                              Option::Kind::text,
-                              {0, 0},
-                              {},
-                              [&value] { return value; },
-                              [&value](const std::string& text) { value = text; }});
+void OptionTable::Collector::add(const char* key, Value value, Range range, const char* help) {
+    Option option{prefix + key, help, Option::Kind::text, range, {}, {}, {}};
+    const auto describe = [&](auto* at) {
+        using T = std::remove_pointer_t<decltype(at)>;
+        if constexpr (std::is_same_v<T, std::string>) {
+            option.get = [at] { return *at; };
+            option.set = [at](const std::string& text) { *at = text; };
+        } else if constexpr (std::is_same_v<T, bool>) {
+            option.kind = Option::Kind::boolean;
+            option.get = [at] { return *at ? "true" : "false"; };
+            option.set = [at](const std::string& text) { *at = text == "true"; };
+        } else {
+            option.kind = std::is_integral_v<T> ? Option::Kind::integer : Option::Kind::real;
+            if constexpr (std::is_integral_v<T>)
+                option.range = {std::max(range.min, double(std::numeric_limits<T>::min())),
+                                std::min(range.max, double(std::numeric_limits<T>::max()))};
+            option.get = [at] { return number_text(*at); };
+            option.set = [at](const std::string& text) { parse_number(text, *at); };
+        }
+    };
+    std::visit(describe, value);
+    table.options_.push_back(std::move(option));
 }
 void OptionTable::Collector::add_choice(const char* key,
                                         std::vector<std::string> names,

@@ -9,6 +9,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "core/options.h"
@@ -27,6 +28,8 @@ struct Option {
     std::function<std::string()> get;
     std::function<void(const std::string&)> set;  // already checked against kind, range and choices
     std::string source{};                         // origin of the value; empty: default
+
+    bool is_string() const { return kind == Kind::text || kind == Kind::choice; }
 };
 
 /// All options of a program by their dotted keys.
@@ -54,11 +57,9 @@ public:
     /// overrides all.
     void read_file(const std::string& path);
 
-    /// The same for the text of such a file. Messages name it `source`.
-    void read_text(const std::string& source, const std::string& text);
-
-    /// The same, but only for keys that have not been set yet.
-    void read_text_below(const std::string& source, const std::string& text);
+    /// The same for the text of such a file. Messages name it `source`. `below`: sets only keys
+    /// that have not been set yet.
+    void read_text(const std::string& source, const std::string& text, bool below = false);
 
     /// The option with this key. Throws like set().
     const Option& option(std::string_view key) const;
@@ -76,7 +77,6 @@ public:
     const std::vector<Option>& options() const { return options_; }
 
 private:
-    void read(const std::string& source, const std::string& text, bool below);
     Option& find(const std::string& key, const std::string& source);
     void set(Option& option, std::string_view value, const std::string& source);
 
@@ -84,11 +84,14 @@ private:
         OptionTable& table;
         std::string prefix;
 
-        void operator()(const char* key, int& value, Range range, const char* help);
-        void operator()(const char* key, std::int64_t& value, Range range, const char* help);
-        void operator()(const char* key, float& value, Range range, const char* help);
-        void operator()(const char* key, bool& value, const char* help);
-        void operator()(const char* key, std::string& value, const char* help);
+        template <class Number>
+        void operator()(const char* key, Number& value, Range range, const char* help) {
+            add(key, &value, range, help);
+        }
+        template <class Field>
+        void operator()(const char* key, Field& value, const char* help) {
+            add(key, &value, {0, 0}, help);
+        }
         template <class Enum>
         void choice(const char* key,
                     Enum& value,
@@ -105,6 +108,8 @@ private:
         }
 
     private:
+        using Value = std::variant<int*, std::int64_t*, float*, bool*, std::string*>;
+        void add(const char* key, Value value, Range range, const char* help);
         void add_choice(const char* key,
                         std::vector<std::string> names,
                         std::function<int()> get,

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <utility>
 
 #include "core/error.h"
@@ -15,7 +14,7 @@ namespace tvsgs {
 namespace {
 
 Error write_error(const std::string& path, const char* doing, const std::string& reason) {
-    return Error(ExitCode::io, str(path, ": ", doing, " failed: ", reason));
+    return Error(ExitCode::io, path, ": ", doing, " failed: ", reason);
 }
 
 // Names of the existing temporary files, for remove_temporary_files(). If all slots are taken, only
@@ -23,18 +22,10 @@ Error write_error(const std::string& path, const char* doing, const std::string&
 constexpr int kSlots = 16;
 std::atomic<const char*> temporaries[kSlots];
 
-void note(const char* name) {
-    for (auto& slot : temporaries) {
-        const char* free = nullptr;
-        if (slot.compare_exchange_strong(free, name)) return;
-    }
-}
-
-void forget(const char* name) {
-    for (auto& slot : temporaries) {
-        const char* expected = name;
-        if (slot.compare_exchange_strong(expected, nullptr)) return;
-    }
+/// Replaces the first entry that is `from` by `to`.
+void replace(const char* from, const char* to) {
+    for (auto& slot : temporaries)
+        if (const char* expected = from; slot.compare_exchange_strong(expected, to)) return;
 }
 
 }  // namespace
@@ -61,12 +52,12 @@ AtomicFile::AtomicFile(const std::string& path) : path_(path) {
         require_replaceable(path_);
         listing_ = folder_with_manifest(path_);
         temporary_ = str(path_, ".tmp-", getpid(), "-", counter++);
-        note(temporary_.c_str());
+        replace(nullptr, temporary_.c_str());
     }
     file_ = direct ? std::fopen(path_.c_str(), "ab") : std::fopen(temporary_.c_str(), "wb");
     if (!file_) {
         const std::string reason = std::strerror(errno);
-        if (!direct) forget(temporary_.c_str());
+        if (!direct) replace(temporary_.c_str(), nullptr);
         throw write_error(path, "writing", reason);
     }
 }
@@ -75,7 +66,7 @@ AtomicFile::~AtomicFile() {
     if (file_) std::fclose(file_);
     if (temporary_.empty()) return;
     std::remove(temporary_.c_str());
-    forget(temporary_.c_str());
+    replace(temporary_.c_str(), nullptr);
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
@@ -97,7 +88,7 @@ void AtomicFile::commit() {
     if (listing_) add_to_manifest(*listing_, path_);
     if (std::rename(temporary_.c_str(), path_.c_str()) != 0)
         throw write_error(path_, "renaming the finished file", std::strerror(errno));
-    forget(temporary_.c_str());
+    replace(temporary_.c_str(), nullptr);
     temporary_.clear();
 }
 

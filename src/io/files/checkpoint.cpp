@@ -3,14 +3,12 @@
 #include <zlib.h>
 
 #include <bit>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <memory>
 
-#include "core/error.h"
 #include "core/grouped.h"
+#include "io/files/atomic_file.h"
+#include "io/files/number_types.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -40,23 +38,21 @@ struct Reader {
     }
     template <class T>
     T take() {
-        T value;
-        std::memcpy(&value, bytes(sizeof value).data(), sizeof value);
-        return value;
+        return load<T>(bytes(sizeof(T)).data());
     }
 };
 
-void append(std::string& table, const CheckpointEntry& entry) {
-    put(table, static_cast<std::uint32_t>(entry.name.size()));
-    table += entry.name;
-    put(table, entry.element_bytes);
-    put(table, static_cast<std::uint8_t>(entry.real));
-    put(table, entry.bytes);
-    put(table, entry.crc);
-}
+/// Entry of an array in the table.
+struct Entry {
+    std::string name;
+    std::uint32_t element_bytes;
+    bool real;
+    std::uint64_t bytes;
+    std::uint32_t crc;
+};
 
-CheckpointEntry take_entry(Reader& reader) {
-    CheckpointEntry e;
+Entry take_entry(Reader& reader) {
+    Entry e;
     e.name = reader.bytes(reader.take<std::uint32_t>());
     e.element_bytes = reader.take<std::uint32_t>();
     e.real = reader.take<std::uint8_t>() != 0;
@@ -70,11 +66,8 @@ CheckpointEntry take_entry(Reader& reader) {
 
 class File {
 public:
-    explicit File(const std::string& path) : path_(path), file_(nullptr, std::fclose) {
+    explicit File(const std::string& path) : path_(path), file_(open_file(path)) {
         std::error_code no_matter;
-        require_regular_file(path);
-        file_.reset(std::fopen(path.c_str(), "rb"));
-        if (!file_) throw input_error(path, ": cannot open it: ", std::strerror(errno));
         const auto size = std::filesystem::file_size(path, no_matter);
         size_ = no_matter ? 0 : size;
     }
@@ -83,14 +76,13 @@ public:
 
     void read(void* to, std::size_t bytes) {
         if (bytes == 0 || std::fread(to, 1, bytes, file_.get()) == bytes) return;
-        if (std::ferror(file_.get()))
-            throw Error(ExitCode::io, str(path_, ": reading failed: ", std::strerror(errno)));
+        check_read(file_, path_);
         throw input_error(path_, ": the checkpoint is cut off after ", grouped(size_), " bytes");
     }
 
 private:
     std::string path_;
-    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+    OpenFile file_;
     std::uint64_t size_ = 0;
 };
 
@@ -100,41 +92,30 @@ std::uint32_t checksum(const void* data, std::size_t bytes, std::uint32_t so_far
     return static_cast<std::uint32_t>(crc32_z(so_far, static_cast<const Bytef*>(data), bytes));
 }
 
-std::uint32_t checksum_of_both(std::uint32_t first,
-                               std::uint32_t second,
-                               std::size_t second_bytes) {
-    return static_cast<std::uint32_t>(
-        crc32_combine(first, second, static_cast<z_off_t>(second_bytes)));
-}
-
-CheckpointEntry entry_of(const StateArray& array) {
-    return {array.name, array.element_bytes, array.real, array.bytes.size(),
-            checksum(array.bytes.data(), array.bytes.size())};
-}
-
-CheckpointFile::CheckpointFile(const std::string& path, const std::vector<CheckpointEntry>& entries)
-    : file_(path) {
+void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts) {
     std::string table;
     std::uint64_t data_bytes = 0;
-    for (const CheckpointEntry& entry : entries) {
-        append(table, entry);
-        data_bytes += entry.bytes;
-    }
+    std::uint32_t count = 0;
+    for (const State* part : parts)
+        for (const StateArray& array : part->arrays) {
+            const std::size_t bytes = array.bytes.size();
+            put(table, static_cast<std::uint32_t>(array.name.size()));
+            table += array.name;
+            put(table, array.element_bytes);
+            put(table, static_cast<std::uint8_t>(array.real));
+            put(table, std::uint64_t{bytes});
+            put(table, checksum(array.bytes.data(), bytes));
+            data_bytes += bytes, ++count;
+        }
     std::string head(kMagic, kMagicBytes);
     put(head, kCheckpointVersion);
     put(head, static_cast<std::uint32_t>(table.size()));
     put(head, static_cast<std::uint64_t>(kFixedBytes + table.size() + 4 + data_bytes));
-    put(head, static_cast<std::uint32_t>(entries.size()));
+    put(head, count);
     head += table;
     put(head, checksum(head.data(), head.size()));
-    file_.write(head);
-}
-
-void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts) {
-    std::vector<CheckpointEntry> entries;
-    for (const State* part : parts)
-        for (const StateArray& array : part->arrays) entries.push_back(entry_of(array));
-    CheckpointFile file(path, entries);
+    AtomicFile file(path);
+    file.write(head);
     for (const State* part : parts)
         for (const StateArray& array : part->arrays)
             file.write(array.bytes.data(), array.bytes.size());
@@ -175,7 +156,7 @@ State read_checkpoint(const std::string& path) {
     State state;
     std::uint64_t left = file_bytes - head.size();
     for (std::uint32_t i = 0; i < arrays; ++i) {
-        const CheckpointEntry entry = take_entry(reader);
+        const Entry entry = take_entry(reader);
         if (entry.bytes > left)
             throw input_error(path, ": its table of arrays is damaged at '", shown(entry.name),
                               "'");

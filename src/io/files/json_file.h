@@ -1,4 +1,4 @@
-// Reading of other programs' JSON files. Include it only in sources: the library's header is large.
+// Parsing of other programs' JSON. Include it only in sources: the library's header is large.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -8,14 +8,18 @@
 
 namespace tvsgs {
 
-/// The JSON of a file; `is_discarded()` if the file is not valid JSON. Throws
-/// Error(ExitCode::input) if the nesting is deeper than check_json_depth() allows.
-inline nlohmann::json read_json_file(const std::string& path) {
+/// JSON of a text; `is_discarded()` if it is not valid. Throws Error(ExitCode::input) that names
+/// `where` if the nesting is deeper than check_json_depth() allows.
+inline nlohmann::json parse_json(std::string_view text, const std::string& where) {
     const auto limit_depth = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-        check_json_depth(depth, path);
+        check_json_depth(depth, where);
         return true;
     };
-    return nlohmann::json::parse(read_bytes(path), limit_depth, /*allow_exceptions=*/false);
+    return nlohmann::json::parse(text, limit_depth, /*allow_exceptions=*/false);
+}
+
+inline nlohmann::json read_json_file(const std::string& path) {
+    return parse_json(read_bytes(path), path);
 }
 
 }  // namespace tvsgs

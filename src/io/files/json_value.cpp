@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -123,9 +122,9 @@ JsonValue parse_json_value(std::string_view text, const std::string& where) {
     try {
         return from_library(Json::parse(text, limit_depth));
     } catch (const Json::parse_error& error) {
-        throw Error(ExitCode::input, str(where, ": ", json_fault(text, error.byte)));
+        throw Error(ExitCode::input, where, ": ", json_fault(text, error.byte));
     } catch (const Json::out_of_range&) {  // the library's only other error of a text
-        throw Error(ExitCode::input, str(where, ": not valid JSON: a number is too large"));
+        throw Error(ExitCode::input, where, ": not valid JSON: a number is too large");
     }
 }
 

@@ -8,9 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <string>
 #include <string_view>
-#include <vector>
 
 #include "core/error.h"
 #include "core/version.h"
@@ -52,7 +50,19 @@ void write_to_list(const fs::path& folder, int flags, const std::string& text) {
         file >= 0 && write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
     const int reason = errno;
     if (file >= 0) close(file);
-    if (!written) throw Error(ExitCode::io, str(list, ": writing failed: ", std::strerror(reason)));
+    if (!written) throw Error(ExitCode::io, list, ": writing failed: ", std::strerror(reason));
+}
+
+/// True if the file begins with the signature of tvsgs.
+bool has_signature(const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    std::string head(4096, '\0');
+    in.read(head.data(), static_cast<std::streamsize>(head.size()));
+    head.resize(static_cast<std::size_t>(in.gcount()));
+    const std::string_view version(kVersion), name = version.substr(0, version.find(' ') + 1);
+    for (std::size_t at = 0; (at = head.find(name, at)) != std::string::npos; at += name.size())
+        if (at + name.size() < head.size() && std::isdigit(head[at + name.size()])) return true;
+    return false;
 }
 
 }  // namespace
@@ -92,29 +102,13 @@ void add_to_manifest(const fs::path& folder, const fs::path& file) {
     if (!is_listed(folder, file)) write_to_list(folder, O_APPEND, entry_of(folder, file) + "\n");
 }
 
-namespace {
-
-/// True if the file begins with the signature of tvsgs.
-bool has_signature(const fs::path& file) {
-    std::ifstream in(file, std::ios::binary);
-    std::string head(4096, '\0');
-    in.read(head.data(), static_cast<std::streamsize>(head.size()));
-    head.resize(static_cast<std::size_t>(in.gcount()));
-    const std::string_view version(kVersion), name = version.substr(0, version.find(' ') + 1);
-    for (std::size_t at = 0; (at = head.find(name, at)) != std::string::npos; at += name.size())
-        if (at + name.size() < head.size() && std::isdigit(head[at + name.size()])) return true;
-    return false;
-}
-
-}  // namespace
-
 void require_replaceable(const fs::path& file) {
     std::error_code code;
     if (!fs::is_regular_file(file, code)) return;
     const auto folder = folder_with_manifest(file);
     if (folder ? is_listed(*folder, file) : fs::is_empty(file, code) || has_signature(file)) return;
-    throw Error(ExitCode::usage,
-                str(file.string(), ": already exists and is not ours; choose another name"));
+    throw Error(ExitCode::usage, file.string(),
+                ": already exists and is not ours; choose another name");
 }
 
 void require_not_results_file(const fs::path& file) {
@@ -135,14 +129,14 @@ void require_not_results_file(const fs::path& file) {
         return has(kFolders, part.string());
     });
     if (deep || has(kFiles, entry.filename().string()))
-        throw Error(ExitCode::usage, str(file.string(), ": ", folder->string(),
-                                         " needs this file; choose another name"));
+        throw Error(ExitCode::usage, file.string(), ": ", folder->string(),
+                    " needs this file; choose another name");
 }
 
 void create_results_folder(const fs::path& folder, const std::vector<std::string>& names) {
     std::error_code code;
     fs::create_directories(folder, code);
-    if (code) throw Error(ExitCode::io, str(folder.string(), ": cannot make it: ", code.message()));
+    if (code) throw Error(ExitCode::io, folder.string(), ": cannot make it: ", code.message());
     for (const std::string& name : names) {
         require_replaceable(folder / name);
         for (fs::recursive_directory_iterator it(folder / name, code), end; !code && it != end;

@@ -9,7 +9,9 @@
 #include <bit>
 #include <cstring>
 #include <memory>
+#include <utility>
 
+#include "io/files/number_types.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -129,38 +131,15 @@ private:
     int descriptor_;
 };
 
-template <class T>
-void widen(const matvar_t& variable, std::vector<double>& numbers) {
-    const T* const from = static_cast<const T*>(variable.data);
-    for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = static_cast<double>(from[i]);
-}
-
-/// Returns false if the class is not numeric.
-bool widen(const matvar_t& variable, std::vector<double>& numbers) {
-    switch (variable.class_type) {
-        case MAT_C_DOUBLE:
-            return widen<double>(variable, numbers), true;
-        case MAT_C_SINGLE:
-            return widen<float>(variable, numbers), true;
-        case MAT_C_INT8:
-            return widen<std::int8_t>(variable, numbers), true;
-        case MAT_C_UINT8:
-            return widen<std::uint8_t>(variable, numbers), true;
-        case MAT_C_INT16:
-            return widen<std::int16_t>(variable, numbers), true;
-        case MAT_C_UINT16:
-            return widen<std::uint16_t>(variable, numbers), true;
-        case MAT_C_INT32:
-            return widen<std::int32_t>(variable, numbers), true;
-        case MAT_C_UINT32:
-            return widen<std::uint32_t>(variable, numbers), true;
-        case MAT_C_INT64:
-            return widen<std::int64_t>(variable, numbers), true;
-        case MAT_C_UINT64:
-            return widen<std::uint64_t>(variable, numbers), true;
-        default:
-            return false;
-    }
+/// Null if the class is not numeric.
+const NumberType* type_of(int array_class) {
+    constexpr std::pair<char, std::size_t> kTypes[] = {{'f', 8}, {'f', 4}, {'i', 1}, {'u', 1},
+                                                       {'i', 2}, {'u', 2}, {'i', 4}, {'u', 4},
+                                                       {'i', 8}, {'u', 8}};
+    static_assert(MAT_C_UINT64 - MAT_C_DOUBLE + 1 == std::size(kTypes));
+    if (array_class < MAT_C_DOUBLE || array_class > MAT_C_UINT64) return nullptr;
+    const auto& [kind, bytes] = kTypes[array_class - MAT_C_DOUBLE];
+    return find_number_type(kind, bytes);
 }
 
 }  // namespace
@@ -191,8 +170,11 @@ MatArray read_mat_array(const std::string& path, const std::string& name) {
             static_cast<std::size_t>(count) * static_cast<std::size_t>(variable->data_size))
         throw mat_error(path, "'", name, "' cannot be decoded; is the file damaged?");
     array.numbers.resize(static_cast<std::size_t>(count));
-    if (!widen(*variable, array.numbers))
+    const NumberType* const type = type_of(variable->class_type);
+    if (!type)
         throw mat_error(path, "'", name, "' is not a numeric array (a cell, a structure or text)");
+    for (std::size_t i = 0; i < array.numbers.size(); ++i)
+        array.numbers[i] = type->load(static_cast<const char*>(variable->data) + i * type->bytes);
     return array;
 }
 

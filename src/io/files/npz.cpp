@@ -1,154 +1,63 @@
 #include "io/files/npz.h"
 
 #include <bit>
-#include <cstring>
+#include <ranges>
 
-#include "io/files/half.h"
-#include "io/files/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_file.h"
+#include "io/files/number_types.h"
 #include "io/files/zip_archive.h"
 
 namespace tvsgs {
 namespace {
 
-constexpr std::int64_t kMaxShapeEntry = std::int64_t(1) << 31;
+static_assert(std::endian::native == std::endian::little);
+
+constexpr std::uint64_t kMaxShapeEntry = (std::uint64_t{1} << 31) - 1;
 constexpr std::uint64_t kMaxEntryBytes = ZipLimits{}.entry_bytes;
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
-    throw Error(ExitCode::input,
-                str(name, ": ", what, "; save it again with numpy.save or numpy.savez"));
+    throw Error(ExitCode::input, name, ": ", what,
+                "; save it again with numpy.save or numpy.savez");
 }
 
-/// The header {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: exactly these keys, in
-/// any order.
 struct Header {
     std::string descr;
     bool fortran_order = false;
     std::vector<std::int64_t> shape;
 };
 
-class HeaderParser {
-public:
-    HeaderParser(std::string_view text, const std::string& name) : text_(text), name_(name) {}
-
-    Header parse() {
-        Header header;
-        unsigned seen = 0;
-        expect('{');
-        while (peek() != '}') {
-            const std::string key = quoted();
-            expect(':');
-            if (key == "descr") {
-                if (peek() == '[') fail(name_, "structured arrays are not supported");
-                header.descr = quoted(), seen |= 1;
-            } else if (key == "fortran_order") {
-                header.fortran_order = boolean(), seen |= 2;
-            } else if (key == "shape") {
-                header.shape = tuple(), seen |= 4;
-            } else {
-                fail(name_, str("unknown key '", key, "' in the header"));
-            }
-            if (peek() == ',') ++at_;
-        }
-        ++at_;
-        if (seen != 7) fail(name_, "the header lacks descr, fortran_order or shape");
-        return header;
+/// The header {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: exactly these keys, in
+/// any order. Reads it as JSON, after a change of quotes, brackets, words and last commas.
+Header parse_header(std::string_view text, const std::string& name) {
+    std::string json;
+    for (const char c : text) {
+        if (c == ')' || c == '}')
+            while (json.ends_with(',') || json.ends_with(' ')) json.pop_back();
+        constexpr std::string_view kFrom = "'()TF", kTo = "\"[]tf";
+        const std::size_t at = kFrom.find(c);
+        json += at == kFrom.npos ? c : kTo[at];
     }
-
-private:
-    char peek() {
-        while (at_ < text_.size() && (text_[at_] == ' ' || text_[at_] == '\n')) ++at_;
-        if (at_ >= text_.size()) fail(name_, "the header ends early");
-        return text_[at_];
+    const nlohmann::json found = parse_json(json, name);
+    if (!found.is_object()) fail(name, "the header is no dictionary of Python, or ends early");
+    for (const auto& [key, value] : found.items())
+        if (key != "descr" && key != "fortran_order" && key != "shape")
+            fail(name, str("unknown key '", shown(key), "' in the header"));
+    if (found.size() != 3) fail(name, "the header lacks descr, fortran_order or shape");
+    if (found["descr"].is_array()) fail(name, "structured arrays are not supported");
+    const nlohmann::json& shape = found["shape"];
+    if (!found["descr"].is_string() || !found["fortran_order"].is_boolean() || !shape.is_array() ||
+        shape.size() > 32)
+        fail(name,
+             "expected text as descr, True or False as fortran_order, up to 32 numbers as shape");
+    Header header{found["descr"], found["fortran_order"], {}};
+    for (const nlohmann::json& extent : shape) {
+        if (!extent.is_number_unsigned()) fail(name, "shape is not a tuple of up to 32 numbers");
+        if (extent.get<std::uint64_t>() > kMaxShapeEntry)
+            fail(name, "a dimension is 2^31 or larger");
+        header.shape.push_back(extent);
     }
-    void expect(char c) {
-        if (peek() != c)
-            fail(name_, str("expected '", c, "' in the header, found '", text_[at_], "'"));
-        ++at_;
-    }
-    std::string quoted() {
-        const char quote = peek();
-        if (quote != '\'' && quote != '"') fail(name_, "expected a quoted word in the header");
-        const std::size_t end = text_.find(quote, ++at_);
-        if (end == std::string_view::npos) fail(name_, "unclosed quote in the header");
-        const std::string word(text_.substr(at_, end - at_));
-        at_ = end + 1;
-        return word;
-    }
-    bool boolean() {
-        peek();
-        for (const auto& [word, value] :
-             {std::pair{std::string_view("True"), true}, {"False", false}})
-            if (text_.substr(at_, word.size()) == word) {
-                at_ += word.size();
-                return value;
-            }
-        fail(name_, "fortran_order: expected True or False");
-    }
-    std::vector<std::int64_t> tuple() {
-        std::vector<std::int64_t> shape;
-        expect('(');
-        while (peek() != ')') {
-            std::int64_t value = 0;
-            const std::size_t start = at_;
-            for (; at_ < text_.size() && text_[at_] >= '0' && text_[at_] <= '9'; ++at_) {
-                value = value * 10 + (text_[at_] - '0');
-                if (value >= kMaxShapeEntry) fail(name_, "a dimension is 2^31 or larger");
-            }
-            if (at_ == start || shape.size() >= 32)
-                fail(name_, "shape is not a tuple of up to 32 numbers");
-            shape.push_back(value);
-            if (peek() == ',') ++at_;
-        }
-        ++at_;
-        return shape;
-    }
-
-    std::string_view text_;
-    const std::string& name_;
-    std::size_t at_ = 0;
-};
-
-template <class T>
-T load(const char* bytes, bool swap) {
-    char raw[sizeof(T)];
-    for (std::size_t i = 0; i < sizeof(T); ++i) raw[i] = bytes[swap ? sizeof(T) - 1 - i : i];
-    T value;
-    std::memcpy(&value, raw, sizeof(T));
-    return value;
-}
-
-double number(char kind, std::size_t size, const char* bytes, bool swap) {
-    switch (kind * 16 + static_cast<int>(size)) {
-        case 'f' * 16 + 2:
-            return half_to_double(load<std::uint16_t>(bytes, swap));
-        case 'f' * 16 + 4:
-            return static_cast<double>(load<float>(bytes, swap));
-        case 'f' * 16 + 8:
-            return load<double>(bytes, swap);
-        case 'i' * 16 + 1:
-            return load<std::int8_t>(bytes, swap);
-        case 'i' * 16 + 2:
-            return load<std::int16_t>(bytes, swap);
-        case 'i' * 16 + 4:
-            return load<std::int32_t>(bytes, swap);
-        case 'i' * 16 + 8:
-            return static_cast<double>(load<std::int64_t>(bytes, swap));
-        case 'b' * 16 + 1:
-        case 'u' * 16 + 1:
-            return load<std::uint8_t>(bytes, swap);
-        case 'u' * 16 + 2:
-            return load<std::uint16_t>(bytes, swap);
-        case 'u' * 16 + 4:
-            return load<std::uint32_t>(bytes, swap);
-        default:
-            return static_cast<double>(load<std::uint64_t>(bytes, swap));
-    }
-}
-
-bool known_type(char kind, std::size_t size) {
-    if (kind == 'f') return size == 2 || size == 4 || size == 8;
-    if (kind == 'i' || kind == 'u') return size == 1 || size == 2 || size == 4 || size == 8;
-    return kind == 'b' && size == 1;
+    return header;
 }
 
 void append_utf8(std::string& text, std::uint32_t c) {
@@ -194,22 +103,21 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     const std::size_t start = long_header ? 12 : 10;
     if (bytes[6] < 1 || bytes[6] > 3) fail(name, "unknown version of the .npy format");
     if (bytes.size() < start) fail(name, "the file ends inside the header");
-    constexpr bool kBigHost = std::endian::native == std::endian::big;
-    const std::size_t length = long_header ? load<std::uint32_t>(bytes.data() + 8, kBigHost)
-                                           : load<std::uint16_t>(bytes.data() + 8, kBigHost);
+    const std::size_t length =
+        long_header ? load<std::uint32_t>(bytes.data() + 8) : load<std::uint16_t>(bytes.data() + 8);
     if (bytes.size() - start < length) fail(name, "the file ends inside the header");
-    const Header header = HeaderParser(bytes.substr(start, length), name).parse();
-    const std::string_view data = bytes.substr(start + length);
+    const Header header = parse_header(bytes.substr(start, length), name);
+    std::string_view data = bytes.substr(start + length);
 
     const std::string& d = header.descr;
     if (d.size() < 3 || d.size() > 8 ||
         std::string_view("<>|=").find(d[0]) == std::string_view::npos ||
         d.find_first_not_of("0123456789", 2) != std::string::npos)
         fail(name, str("unsupported type '", d, "'"));
-    const char kind = d[1];
-    const std::size_t size = std::stoul(d.substr(2)) * (kind == 'U' ? 4 : 1);
-    const bool text = kind == 'U' && header.shape.empty();
-    if (!text && !known_type(kind, size))
+    const bool text = d[1] == 'U' && header.shape.empty();
+    const std::size_t size = std::stoul(d.substr(2)) * (text ? 4 : 1);
+    const NumberType* const type = find_number_type(d[1], size);
+    if (!text && !type)
         fail(name, str("unsupported type '", d,
                        "'; expected a float of 16 to 64 bits, an integer or bool"));
 
@@ -223,17 +131,24 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     if (data.size() != count * size)
         fail(name,
              str("the shape needs ", count * size, " bytes of data, the file has ", data.size()));
-    const bool swap = d[0] == '>' ? !kBigHost : d[0] == '<' ? kBigHost : false;
+    std::string swapped;
+    if (const std::size_t unit = text ? 4 : size; d[0] == '>') {
+        swapped = data;
+        for (auto at = swapped.begin(); at != swapped.end();
+             at += static_cast<std::ptrdiff_t>(unit))
+            std::reverse(at, at + static_cast<std::ptrdiff_t>(unit));
+        data = swapped;
+    }
     if (text) {
         for (std::size_t i = 0; i < size; i += 4)
-            if (const auto c = load<std::uint32_t>(data.data() + i, swap); c != 0)
+            if (const auto c = load<std::uint32_t>(data.data() + i); c != 0)
                 append_utf8(array.text, c);
         return array;
     }
     array.numbers.resize(count);
     for (std::size_t i = 0; i < count; ++i)
         array.numbers[header.fortran_order ? row_major(i, header.shape) : i] =
-            number(kind, size, data.data() + i * size, swap);
+            type->load(data.data() + i * size);
     return array;
 }
 
@@ -253,9 +168,31 @@ NpzArchive read_npz(const std::string& path) {
 
 const NpyArray& find_array(const NpzArchive& archive, const std::string& name) {
     if (const auto found = archive.find(name); found != archive.end()) return found->second;
-    std::string names;
-    for (const auto& [there, array] : archive) names += (names.empty() ? "" : ", ") + there;
-    throw Error(ExitCode::input, str("no array '", name, "' in the archive; it has ", names));
+    throw input_error("no array '", name, "' in the archive; it has ",
+                      joined(std::views::keys(archive)));
+}
+
+void write_npy(const std::string& path,
+               const std::vector<std::int64_t>& shape,
+               const float* numbers) {
+    std::string dimensions;
+    std::size_t count = 1;
+    for (const std::int64_t n : shape) {
+        dimensions += std::to_string(n) + ",";
+        count *= static_cast<std::size_t>(n);
+    }
+    std::string header =
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (" + dimensions + "), }";
+    // Magic, version and length take 10 bytes; the data must begin at a multiple of 64.
+    header += std::string(63 - (10 + header.size()) % 64, ' ') + "\n";
+    AtomicFile file(path);
+    file.write(std::string_view("\x93NUMPY\x01\x00", 8));
+    const char length[2] = {static_cast<char>(header.size() & 255),
+                            static_cast<char>(header.size() >> 8)};
+    file.write(length, 2);
+    file.write(header);
+    file.write(numbers, count * sizeof(float));
+    file.commit();
 }
 
 }  // namespace tvsgs

@@ -1,14 +1,16 @@
 #include "io/files/read_file.h"
 
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
-#include <filesystem>
-#include <memory>
 
 #include "core/grouped.h"
 
 namespace tvsgs {
+
+bool is_file(const std::filesystem::path& path) {
+    std::error_code code;
+    return std::filesystem::is_regular_file(path, code);
+}
 
 void require_regular_file(const std::string& path) {
     namespace fs = std::filesystem;
@@ -19,13 +21,21 @@ void require_regular_file(const std::string& path) {
         throw input_error(path, ": is a device or a pipe; expected a regular file");
 }
 
+OpenFile open_file(const std::string& path) {
+    require_regular_file(path);
+    OpenFile file(std::fopen(path.c_str(), "rb"), std::fclose);
+    if (!file) throw input_error(path, ": cannot open it: ", std::strerror(errno));
+    return file;
+}
+
+void check_read(const OpenFile& file, const std::string& path) {
+    if (std::ferror(file.get()))
+        throw Error(ExitCode::io, path, ": reading failed: ", std::strerror(errno));
+}
+
 std::string read_bytes(const std::string& path, std::uintmax_t limit) {
     std::error_code no_matter;
-    require_regular_file(path);
-    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
-                                                               std::fclose);
-    if (!file) throw input_error(path, ": cannot open it: ", std::strerror(errno));
-
+    const OpenFile file = open_file(path);
     std::string bytes;
     const auto size = std::filesystem::file_size(path, no_matter);
     if (!no_matter && size > limit)
@@ -37,8 +47,7 @@ std::string read_bytes(const std::string& path, std::uintmax_t limit) {
         bytes.append(chunk, count);
         if (count < sizeof chunk) break;
     }
-    if (std::ferror(file.get()))
-        throw Error(ExitCode::io, str(path, ": reading failed: ", std::strerror(errno)));
+    check_read(file, path);
     return bytes;
 }
 

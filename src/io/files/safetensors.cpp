@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "io/files/half.h"
 #include "io/files/json_value.h"
+#include "io/files/number_types.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -15,28 +15,6 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the format is little-endian");
 
 constexpr std::uint64_t kMaxHeader = 100'000'000;  // bytes; limit of the format's own reader
-
-struct Type {
-    const char* name;
-    std::size_t bytes;
-    double (*load)(const char*);
-};
-
-template <class T>
-double load(const char* bytes) {
-    T value;
-    std::memcpy(&value, bytes, sizeof value);
-    return static_cast<double>(value);
-}
-
-double load_half(const char* bytes) {
-    std::uint16_t bits;
-    std::memcpy(&bits, bytes, sizeof bits);
-    return half_to_double(bits);
-}
-
-constexpr Type kTypes[] = {
-    {"F16", 2, load_half}, {"F32", 4, load<float>}, {"F64", 8, load<double>}};
 
 /// A non-negative integer of the header.
 std::uint64_t whole(const JsonValue& value, const std::string& where) {
@@ -67,9 +45,10 @@ NpzArchive read_safetensors(const std::string& path) {
         if (name == "__metadata__") continue;
         const std::string where = str(path, ": tensor ", shown(name));
         const std::string dtype = entry["dtype"].text;
-        const auto type = std::find_if(std::begin(kTypes), std::end(kTypes),
-                                       [&](const Type& t) { return t.name == dtype; });
-        if (type == std::end(kTypes))
+        const auto* const type = std::ranges::find_if(kNumberTypes, [&](const NumberType& t) {
+            return t.kind == 'f' && dtype == str('F', 8 * t.bytes);
+        });
+        if (type == std::end(kNumberTypes))
             throw input_error(where, " has type ", shown(dtype), "; expected F16, F32 or F64");
         const auto& offsets = entry["data_offsets"].items;
         if (offsets.size() != 2) throw damaged("tensor ", shown(name), " has no data_offsets");

@@ -3,7 +3,6 @@
 #include <zip.h>
 
 #include <memory>
-#include <new>
 #include <set>
 
 #include "core/error.h"
@@ -76,8 +75,8 @@ std::string zip_bytes(const std::vector<std::pair<std::string, std::string>>& en
     zip_error_init(&error);
     const auto check = [&](bool good, auto* of) {
         if (good) return;
-        throw Error(ExitCode::internal, str("making a ZIP archive failed: ",
-                                            of ? zip_error_strerror(of) : "out of memory"));
+        throw Error(ExitCode::internal,
+                    "making a ZIP archive failed: ", of ? zip_error_strerror(of) : "out of memory");
     };
     // `bytes` must outlive the archive: closing the archive writes them.
     zip_source_t* const bytes = zip_source_buffer_create(nullptr, 0, 0, &error);

@@ -1,10 +1,8 @@
 #include "io/images/image_file.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -12,7 +10,6 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/grouped.h"
-#include "core/lower_case.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/images/stb.h"
@@ -186,11 +183,7 @@ bool has_image_extension(const std::string& path) {
 
 ImageSize read_image_size(const std::string& path) {
     int width = 0, height = 0, channels = 0;
-    require_regular_file(path);
-    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
-                                                               std::fclose);
-    if (!file)
-        throw input_error("E_IMAGE_READ: ", path, ": cannot open it: ", std::strerror(errno));
+    const OpenFile file = open_file(path);
     char start[64];  // enough for a WebP; a JPEG may store its size later
     const std::string_view head(start, std::fread(start, 1, sizeof start, file.get()));
     if (is_webp(head)) return size_in(path, head, kMaxPixels);
@@ -232,8 +225,8 @@ std::string png_bytes(const ImageU8& image) {
     std::string bytes;
     if (!stbi_write_png_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
                                 image.pixels.data(), image.width * image.channels))
-        throw Error(ExitCode::internal, str("encoding a PNG of ", image.width, "x", image.height,
-                                            "x", image.channels, " failed"));
+        throw Error(ExitCode::internal, "encoding a PNG of ", image.width, "x", image.height, "x",
+                    image.channels, " failed");
     return bytes;
 }
 
@@ -241,8 +234,8 @@ std::string jpeg_bytes(const ImageU8& image, int quality) {
     std::string bytes;
     if (!stbi_write_jpg_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
                                 image.pixels.data(), quality))
-        throw Error(ExitCode::internal, str("encoding a JPEG of ", image.width, "x", image.height,
-                                            "x", image.channels, " failed"));
+        throw Error(ExitCode::internal, "encoding a JPEG of ", image.width, "x", image.height, "x",
+                    image.channels, " failed");
     return bytes;
 }
 

@@ -4,7 +4,6 @@
 #include <webp/encode.h>
 
 #include "core/error.h"
-#include "core/grouped.h"
 
 namespace tvsgs {
 
@@ -15,8 +14,8 @@ std::string webp_bytes(const ImageU8& image, int quality) {
     std::string bytes(reinterpret_cast<const char*>(encoded), size);
     WebPFree(encoded);
     if (size == 0)
-        throw Error(ExitCode::internal,
-                    str("encoding a WebP of ", image.width, "x", image.height, " failed"));
+        throw Error(ExitCode::internal, "encoding a WebP of ", image.width, "x", image.height,
+                    " failed");
     return bytes;
 }
 
@@ -37,8 +36,8 @@ std::string webp_lossless_bytes(const ImageU8& image) {
     picture.writer = WebPMemoryWrite, picture.custom_ptr = static_cast<WebPMemoryWriter*>(&memory);
     if (!known || !WebPPictureImportRGBA(&picture, image.pixels.data(), 4 * image.width) ||
         !WebPEncode(&config, &picture))
-        throw Error(ExitCode::internal, str("encoding a WebP of ", image.width, "x", image.height,
-                                            " failed: error ", picture.error_code));
+        throw Error(ExitCode::internal, "encoding a WebP of ", image.width, "x", image.height,
+                    " failed: error ", picture.error_code);
     return {reinterpret_cast<const char*>(memory.mem), memory.size};
 }
 
@@ -57,20 +56,6 @@ bool decode_webp(std::string_view bytes, ImageU8& image) {
     const int row = image.width * image.channels;
     return (image.channels == 4 ? WebPDecodeRGBAInto : WebPDecodeRGBInto)(
                data, bytes.size(), image.pixels.data(), image.pixels.size(), row) != nullptr;
-}
-
-ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels) {
-    int width = 0, height = 0, channels = 0;
-    if (!read_webp_size(bytes, width, height, channels))
-        throw Error(ExitCode::input, str(where, ": not a WebP picture"));
-    if (std::int64_t{width} * height > max_pixels)
-        throw Error(ExitCode::input,
-                    str(where, ": ", width, "x", height, " pixels: too large (limit ",
-                        grouped(max_pixels), " pixels)"));
-    ImageU8 image(width, height, 4);
-    if (!decode_webp(bytes, image))
-        throw Error(ExitCode::input, str(where, ": a damaged WebP picture"));
-    return image;
 }
 
 }  // namespace tvsgs

@@ -28,8 +28,4 @@ bool read_webp_size(std::string_view bytes, int& width, int& height, int& channe
 /// file is damaged.
 bool decode_webp(std::string_view bytes, ImageU8& image);
 
-/// Decodes an image of at most `max_pixels` to 4 channels. Throws Error(ExitCode::input) that names
-/// `where`.
-ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels);
-
 }  // namespace tvsgs

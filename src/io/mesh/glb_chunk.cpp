@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/grouped.h"
+#include "core/version.h"
 
 namespace tvsgs::glb {
 namespace {
@@ -47,8 +48,7 @@ int Chunk::add_accessor(
 int Chunk::add_positions(int view, std::size_t count, std::size_t offset) {
     constexpr float kMost = std::numeric_limits<float>::max();
     Vec3f lower{kMost, kMost, kMost}, upper = -lower;
-    const std::size_t begin =
-        views[static_cast<std::size_t>(view)]["byteOffset"].get<std::size_t>() + offset;
+    const std::size_t begin = views[view]["byteOffset"].get<std::size_t>() + offset;
     for (std::size_t i = 0; i < count; ++i) {
         Vec3f p;
         std::memcpy(&p, &bytes[begin + i * sizeof p], sizeof p);
@@ -67,13 +67,29 @@ std::uint16_t linear_u16(float srgb) {
     return static_cast<std::uint16_t>(linear * 65535 + 0.5f);
 }
 
-void set_turn(json& node, const Mat3<double>& R) {
+json document(const char* extension,
+              Vec3d origin,
+              const std::string& projection,
+              const char* what,
+              std::size_t count) {
+    json extras{{"origin", {origin.x, origin.y, origin.z}}, {what, count}};
+    if (!projection.empty()) extras["projection"] = projection;
+    return {{"asset", {{"version", "2.0"}, {"generator", tvsgs::kVersion}, {"extras", extras}}},
+            {"scene", 0},
+            {"extensionsUsed", list_of(extension)}};
+}
+
+void add_scene(json& doc, const char* name, json primitives, const Mat3<double>& R) {
+    json node{{"mesh", 0}, {"name", name}};
     bool is_identity = true;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) is_identity = is_identity && R[i][j] == (i == j);
-    if (is_identity) return;
-    node["matrix"] = {R[0][0], R[1][0], R[2][0], 0, R[0][1], R[1][1], R[2][1], 0,  // column major
-                      R[0][2], R[1][2], R[2][2], 0, 0,       0,       0,       1};
+    if (!is_identity)  // column major
+        node["matrix"] = {R[0][0], R[1][0], R[2][0], 0, R[0][1], R[1][1], R[2][1], 0,
+                          R[0][2], R[1][2], R[2][2], 0, 0,       0,       0,       1};
+    doc["meshes"] = list_of({{"primitives", std::move(primitives)}});
+    doc["nodes"] = list_of(std::move(node));
+    doc["scenes"] = list_of({{"nodes", list_of(0)}});
 }
 
 std::string file_bytes(const std::string& path, json& doc, Chunk& chunk, const char* instead) {
@@ -87,8 +103,8 @@ std::string file_bytes(const std::string& path, json& doc, Chunk& chunk, const c
     const std::uint64_t total = kHeaderBytes + kChunkBytes + text.size() +
                                 (chunk.bytes.empty() ? 0 : kChunkBytes + chunk.bytes.size());
     if (total > std::numeric_limits<std::uint32_t>::max())
-        throw Error(ExitCode::input, str(path, ": not written: ", grouped(total),
-                                         " bytes, a GLB has at most 2^32; ", instead));
+        throw Error(ExitCode::input, path, ": not written: ", grouped(total),
+                    " bytes, a GLB has at most 2^32; ", instead);
     std::string out;
     out.reserve(total);
     put(out, kMagic), put(out, kVersion), put(out, static_cast<std::uint32_t>(total));

@@ -1,5 +1,6 @@
-// Writing of GLB files: JSON, buffer views and accessors, shared by the writers of meshes and
-// splats.
+// Constants of glTF 2.0 and its binary container, and writing: JSON, buffer views and accessors,
+// shared by the writers of meshes and splats.
+// https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 #pragma once
 
 #include <bit>
@@ -9,9 +10,16 @@
 #include <type_traits>
 
 #include "core/math/vec.h"
-#include "io/mesh/glb_format.h"
 
 namespace tvsgs::glb {
+
+inline constexpr std::uint32_t kMagic = 0x46546C67, kVersion = 2, kJson = 0x4E4F534A,
+                               kBin = 0x004E4942;
+inline constexpr std::uint32_t kHeaderBytes = 12, kChunkBytes = 8;
+
+enum ComponentType { i8 = 5120, u8 = 5121, i16 = 5122, u16 = 5123, u32 = 5125, f32 = 5126 };
+inline constexpr int kPoints = 0, kTriangles = 4, kVertexTarget = 34962, kIndexTarget = 34963;
+inline constexpr int kLinear = 9729, kLinearMipmapLinear = 9987, kClampToEdge = 33071;
 
 static_assert(std::endian::native == std::endian::little, "glTF is little-endian");
 
@@ -50,8 +58,19 @@ struct Chunk {
 /// [docs/method/texture.md#files]
 std::uint16_t linear_u16(float srgb);
 
-/// Sets the rotation of a node, unless it is the identity.
-void set_turn(nlohmann::json& node, const Mat3<double>& R);
+/// A document with one extension. asset.extras holds the origin, the projection (empty: none), and
+/// `count` as `what`.
+nlohmann::json document(const char* extension,
+                        Vec3d origin,
+                        const std::string& projection,
+                        const char* what,
+                        std::size_t count);
+
+/// Adds a scene with one mesh of these primitives, named `name`, below a node with rotation `R`.
+void add_scene(nlohmann::json& doc,
+               const char* name,
+               nlohmann::json primitives,
+               const Mat3<double>& R);
 
 /// Bytes of the file; adds the description of the chunk to `doc`. Throws Error(ExitCode::input)
 /// beyond the format's 4 GiB; `instead` is the advice in the message.

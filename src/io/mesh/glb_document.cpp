@@ -4,54 +4,23 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "io/files/number_types.h"
 
 namespace tvsgs {
 namespace {
 
-template <class T>
-T at_byte(std::string_view bytes, std::size_t offset) {
-    T value;
-    std::memcpy(&value, bytes.data() + offset, sizeof value);
-    return value;
-}
-
-std::size_t bytes_of(int component) {
-    switch (component) {
-        case glb::i8:
-        case glb::u8:
-            return 1;
-        case glb::i16:
-        case glb::u16:
-            return 2;
-        case glb::u32:
-        case glb::f32:
-            return 4;
-        default:
-            return 0;
-    }
-}
+constexpr GlbComponent kComponents[] = {{glb::i8, 1, load_double<std::int8_t>, 127},
+                                        {glb::u8, 1, load_double<std::uint8_t>, 255},
+                                        {glb::i16, 2, load_double<std::int16_t>, 32767},
+                                        {glb::u16, 2, load_double<std::uint16_t>, 65535},
+                                        {glb::u32, 4, load_double<std::uint32_t>},
+                                        {glb::f32, 4, load_double<float>}};
 
 }  // namespace
 
 double GlbAccessor::value(std::size_t i, int c) const {
-    const std::size_t at = i * stride + static_cast<std::size_t>(c) * bytes_of(component);
-    const auto scaled = [&](double v, double most) {
-        return normalized ? std::max(v / most, -1.0) : v;
-    };
-    switch (component) {
-        case glb::i8:
-            return scaled(at_byte<std::int8_t>(bytes, at), 127);
-        case glb::u8:
-            return scaled(at_byte<std::uint8_t>(bytes, at), 255);
-        case glb::i16:
-            return scaled(at_byte<std::int16_t>(bytes, at), 32767);
-        case glb::u16:
-            return scaled(at_byte<std::uint16_t>(bytes, at), 65535);
-        case glb::u32:
-            return at_byte<std::uint32_t>(bytes, at);
-        default:
-            return double{at_byte<float>(bytes, at)};
-    }
+    const double v = component->load(bytes.data() + i * stride + c * component->bytes);
+    return normalized && component->most > 0 ? std::max(v / component->most, -1.0) : v;
 }
 
 GlbDocument::GlbDocument(const std::string& path, std::string_view bytes) : path_(path) {
@@ -83,17 +52,17 @@ void GlbDocument::split(std::string_view bytes) {
     using glb::kChunkBytes;
     const std::size_t header = glb::kHeaderBytes;
     if (bytes.size() < header + kChunkBytes) fail("cut off in its header");
-    if (const auto version = at_byte<std::uint32_t>(bytes, 4); version != glb::kVersion)
+    if (const auto version = load<std::uint32_t>(bytes.data() + 4); version != glb::kVersion)
         fail(str("glTF version ", version, "; expected 2"));
-    const auto claimed = at_byte<std::uint32_t>(bytes, 8);
+    const auto claimed = load<std::uint32_t>(bytes.data() + 8);
     if (claimed > bytes.size())
         fail(str("claims ", claimed, " bytes, the file has ", bytes.size(), "; is it cut off?"));
     bytes = bytes.substr(0, claimed);
     std::string_view text;
     for (std::size_t begin = header, chunk = 0; begin < bytes.size(); ++chunk) {
         if (bytes.size() - begin < kChunkBytes) fail(str("chunk ", chunk, " is cut off"));
-        const auto length = at_byte<std::uint32_t>(bytes, begin),
-                   kind = at_byte<std::uint32_t>(bytes, begin + 4);
+        const auto length = load<std::uint32_t>(bytes.data() + begin),
+                   kind = load<std::uint32_t>(bytes.data() + begin + 4);
         begin += kChunkBytes;
         if (length > bytes.size() - begin)
             fail(str("chunk ", chunk, " claims ", length, " bytes, ", bytes.size() - begin,
@@ -103,11 +72,7 @@ void GlbDocument::split(std::string_view bytes) {
         if (chunk == 1 && kind == glb::kBin) binary_ = bytes.substr(begin, length);
         begin += length;
     }
-    const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
-        check_json_depth(depth, path_);
-        return true;
-    };
-    doc_ = json::parse(text, limit_depth, /*allow_exceptions=*/false);
+    doc_ = parse_json(text, path_);
     if (!doc_.is_object()) fail("the JSON chunk is damaged");
 }
 
@@ -192,11 +157,11 @@ GlbAccessor GlbDocument::accessor(const json& holder,
     if (text(found, "type") != type) fail(str(key, ": expected an accessor of type ", type));
     if (found.contains("sparse") || !found.contains("bufferView"))
         fail(str(key, ": a sparse or empty accessor; save it as plain numbers"));
-    out.width = width;
-    const std::uint64_t component = whole(found, "componentType", 0);
-    out.component = component < 10000 ? static_cast<int>(component) : 0;
-    const std::size_t size = bytes_of(out.component) * static_cast<std::size_t>(width);
-    if (size == 0) fail(str(key, ": unknown componentType ", component));
+    const std::uint64_t type_number = whole(found, "componentType", 0);
+    for (const GlbComponent& component : kComponents)
+        if (component.number == type_number) out.component = &component;
+    if (!out.component) fail(str(key, ": unknown componentType ", type_number));
+    const std::size_t size = out.component->bytes * width;
     const json& normalized = member(found, "normalized");
     out.normalized = normalized.is_boolean() && normalized.get<bool>();
     out.bytes = view_bytes(found, &out.stride);

@@ -2,7 +2,6 @@
 // sources of readers only.
 #pragma once
 
-#include <cstring>
 #include <initializer_list>
 #include <string>
 #include <string_view>
@@ -10,15 +9,23 @@
 
 #include "core/math/vec.h"
 #include "io/files/json_file.h"
-#include "io/mesh/glb_format.h"
+#include "io/mesh/glb_chunk.h"
 
 namespace tvsgs {
+
+/// A type of numbers. `most`: divisor of normalised numbers; 0: they are not normalised.
+struct GlbComponent {
+    std::uint64_t number;  // componentType in glTF
+    std::size_t bytes;
+    double (*load)(const char*);
+    double most = 0;
+};
 
 /// Numbers of one accessor. All lie within the file.
 struct GlbAccessor {
     std::string_view bytes;  // from the first element on
     std::size_t count = 0, stride = 0;
-    int component = 0, width = 0;  // numbers per element
+    const GlbComponent* component = nullptr;
     bool normalized = false;
 
     double value(std::size_t i, int c) const;

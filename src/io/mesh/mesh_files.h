@@ -56,8 +56,11 @@ void require_glb_room(const std::string& path,
 /// Throws Error(ExitCode::usage) if write_mesh() would do so for this texture format.
 void require_texture_format(const std::string& path, TextureFormat format);
 
-/// Throws Error for numbers that are not finite and indices out of range.
+/// Throw Error for numbers that are not finite, sizes that differ, and indices out of range.
+/// `what`: the name of the numbers in messages.
 void check_mesh(const std::string& path, const TriangleMesh& mesh);
+void check_finite(const std::string& path, const std::vector<Vec3f>& values, const char* what);
+void check_size(const std::string& path, std::size_t found, std::size_t expected, const char* what);
 
 /// Reads a mesh by the extension of its name: GLB (triangles), OBJ (polygons become fans), else as
 /// read_ply(). A GLB of tvsgs is read in the scene's frame, another one as its nodes place it. A

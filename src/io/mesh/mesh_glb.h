@@ -1,4 +1,4 @@
-// Implementation of the mesh formats behind mesh_files.h: GLB bytes, GLB and OBJ readers.
+// Implementation of the mesh formats behind mesh_files.h: the bytes and the reader of GLB.
 #pragma once
 
 #include <string>
@@ -17,15 +17,8 @@ std::string glb_bytes(const std::string& path,
                       const MeshTexture& texture,
                       const MeshFileOptions& options);
 
-/// A mesh read from a file. Positions are in double, in the frame of the file, or of the scene for
-/// files of tvsgs.
-struct ReadMesh {
-    std::vector<Vec3d> positions;
-    std::vector<Vec3f> colors;  // of the vertices, or from the texture; empty unless wanted
-    std::vector<Vec3i> faces;
-};
-/// Readers of the two formats. Throw Error(ExitCode::input).
-ReadMesh read_glb(const std::string& path, std::string_view bytes, bool want_colors);
-ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_colors);
+/// Positions are in the frame of the file, or of the scene for files of tvsgs. Throws
+/// Error(ExitCode::input).
+PlyGeometry read_glb(const std::string& path, std::string_view bytes, bool want_colors);
 
 }  // namespace tvsgs

@@ -5,7 +5,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 #include "io/images/image_file.h"
 #include "io/mesh/glb_document.h"
 #include "io/mesh/mesh_glb.h"
@@ -34,7 +34,7 @@ public:
         if (from_tvsgs_) origin_ = vector3(member(member(doc_, "asset"), "extras"), "origin", {});
     }
 
-    ReadMesh read() {
+    PlyGeometry read() {
         const json& nodes = list(doc_, "nodes");
         visited_.assign(nodes.size(), 0);
         if (const json& scenes = list(doc_, "scenes"); !scenes.empty()) {
@@ -122,8 +122,8 @@ private:
         };
         if (primitive.contains("indices")) {
             const GlbAccessor indices = accessor(primitive, "indices", "SCALAR", 1);
-            if (indices.component != glb::u8 && indices.component != glb::u16 &&
-                indices.component != glb::u32)
+            if (const auto type = indices.component->number;
+                type != glb::u8 && type != glb::u16 && type != glb::u32)
                 fail("indices: expected an unsigned componentType");
             add_faces(indices.count, [&](std::size_t k) { return indices.value(k, 0); });
         } else {
@@ -240,12 +240,12 @@ private:
     Vec3d origin_;
     std::vector<char> visited_;
     std::pair<std::optional<std::size_t>, ImageU8> decoded_;  // index and image decoded last
-    ReadMesh out_;
+    PlyGeometry out_;
 };
 
 }  // namespace
 
-ReadMesh read_glb(const std::string& path, std::string_view bytes, bool want_colors) {
+PlyGeometry read_glb(const std::string& path, std::string_view bytes, bool want_colors) {
     return GlbReader(path, bytes, want_colors).read();
 }
 

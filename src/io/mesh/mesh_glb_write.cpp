@@ -2,7 +2,6 @@
 
 #include "core/error.h"
 #include "core/grouped.h"
-#include "core/version.h"
 #include "io/mesh/glb_chunk.h"
 #include "io/mesh/mesh_glb.h"
 
@@ -45,9 +44,9 @@ std::vector<Part> parts_of(const std::string& path,
         for (int c = 0; c < 3; ++c) {
             const int key = face[c], vertex = mesh.faces[f][c];
             if (vertex_of[key] >= 0 && vertex_of[key] != vertex)
-                throw Error(ExitCode::internal,
-                            str(path, ": not written: a place in the texture has two vertices, ",
-                                vertex_of[key], " and ", vertex));
+                throw Error(ExitCode::internal, path,
+                            ": not written: a place in the texture has two vertices, ",
+                            vertex_of[key], " and ", vertex);
             if (is_new(key)) {
                 vertex_of[key] = vertex, part_of[key] = static_cast<int>(parts.size()) - 1;
                 number[key] = static_cast<std::uint16_t>(part.vertices.size());
@@ -180,14 +179,8 @@ std::string glb_bytes(const std::string& path,
                       const MeshTexture& texture,
                       const MeshFileOptions& options) {
     require_glb_room(path, mesh.vertices.size(), mesh.faces.size(), !texture.empty());
-    const Vec3d o = options.origin;
-    json doc{{"asset",
-              {{"version", "2.0"},
-               {"generator", kVersion},
-               {"extras", {{"origin", {o.x, o.y, o.z}}, {"vertices", mesh.vertices.size()}}}}},
-             {"scene", 0},
-             {"extensionsUsed", list_of("KHR_materials_unlit")}};
-    if (!options.projection.empty()) doc["asset"]["extras"]["projection"] = options.projection;
+    json doc = glb::document("KHR_materials_unlit", options.origin, options.projection, "vertices",
+                             mesh.vertices.size());
     // Unlit, because the colours contain the photographs' light. Double-sided, because a fused
     // surface has holes.
     doc["materials"] =
@@ -201,13 +194,10 @@ std::string glb_bytes(const std::string& path,
     }
     Chunk chunk;
     if (!mesh.faces.empty()) {
-        json primitives =
-            put_parts(chunk, parts_of(path, mesh, texture), mesh, texture, options.normals);
-        doc["meshes"] = list_of({{"primitives", std::move(primitives)}});
-        json node{{"mesh", 0}, {"name", "mesh"}};
-        glb::set_turn(node, options.upright_from_scene);
-        doc["nodes"] = list_of(std::move(node));
-        doc["scenes"] = list_of({{"nodes", list_of(0)}});
+        glb::add_scene(
+            doc, "mesh",
+            put_parts(chunk, parts_of(path, mesh, texture), mesh, texture, options.normals),
+            options.upright_from_scene);
         if (!texture.empty()) put_texture(chunk, doc, texture, options.texture_format);
     }
     return glb::file_bytes(path, doc, chunk, kInstead);
@@ -221,9 +211,9 @@ void require_glb_room(const std::string& path,
         6 * std::uint64_t{faces} +
         std::uint64_t{vertices} * (kPositionBytes + (textured ? kPlaceBytes : 0));
     if (bytes > std::numeric_limits<std::uint32_t>::max())
-        throw Error(ExitCode::input, str(path, ": not written: ", grouped(faces), " faces and ",
-                                         grouped(vertices), " vertices need ", grouped(bytes),
-                                         " bytes, a GLB has at most 2^32; ", kInstead));
+        throw Error(ExitCode::input, path, ": not written: ", grouped(faces), " faces and ",
+                    grouped(vertices), " vertices need ", grouped(bytes),
+                    " bytes, a GLB has at most 2^32; ", kInstead);
 }
 
 }  // namespace tvsgs

@@ -7,9 +7,9 @@
 #include <memory>
 
 #include "core/error.h"
-#include "core/lower_case.h"
 #include "core/version.h"
 #include "io/files/atomic_file.h"
+#include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "io/images/webp.h"
 #include "io/mesh/mesh_glb.h"
@@ -139,7 +139,7 @@ std::vector<std::string> mesh_files(const std::string& path, bool textured, Text
 
 void require_texture_format(const std::string& path, TextureFormat format) {
     if (format == TextureFormat::webp && mesh_format(path) == MeshFormat::obj)
-        throw Error(ExitCode::usage, str(path, ": an OBJ needs a texture in jpg or png, not WebP"));
+        throw Error(ExitCode::usage, path, ": an OBJ needs a texture in jpg or png, not WebP");
 }
 
 std::string encode_texture(const ImageU8& image, TextureFormat format) {
@@ -148,28 +148,34 @@ std::string encode_texture(const ImageU8& image, TextureFormat format) {
                                           : webp_bytes(image, kQuality);
 }
 
+void check_finite(const std::string& path, const std::vector<Vec3f>& values, const char* what) {
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (!is_finite(values[i]))
+            throw Error(ExitCode::numerical, path, ": not written: ", what, " ", i, " is (",
+                        values[i].x, ", ", values[i].y, ", ", values[i].z,
+                        "); expected finite numbers");
+}
+
+void check_size(const std::string& path,
+                std::size_t found,
+                std::size_t expected,
+                const char* what) {
+    if (found != 0 && found != expected)
+        throw Error(ExitCode::internal, path, ": not written: ", found, " ", what, " for ",
+                    expected, " positions");
+}
+
 void check_mesh(const std::string& path, const TriangleMesh& mesh) {
-    const auto check_finite = [&](const std::vector<Vec3f>& values, const char* what) {
-        for (std::size_t i = 0; i < values.size(); ++i)
-            if (!is_finite(values[i]))
-                throw Error(ExitCode::numerical,
-                            str(path, ": not written: ", what, " ", i, " is (", values[i].x, ", ",
-                                values[i].y, ", ", values[i].z, "); expected finite numbers"));
-    };
-    check_finite(mesh.vertices, "vertex");
-    check_finite(mesh.colors, "colour");
+    check_finite(path, mesh.vertices, "vertex");
+    check_finite(path, mesh.colors, "colour");
+    check_size(path, mesh.colors.size(), mesh.vertices.size(), "colours");
+    check_size(path, mesh.views.size(), mesh.vertices.size(), "numbers of views");
     const int count = static_cast<int>(mesh.vertices.size());
-    if (!mesh.colors.empty() && mesh.colors.size() != mesh.vertices.size())
-        throw Error(ExitCode::internal, str(path, ": not written: ", mesh.colors.size(),
-                                            " colours for ", count, " positions"));
-    if (!mesh.views.empty() && mesh.views.size() != mesh.vertices.size())
-        throw Error(ExitCode::internal, str(path, ": not written: ", mesh.views.size(),
-                                            " numbers of views for ", count, " positions"));
     for (const Vec3i face : mesh.faces)
         for (int c = 0; c < 3; ++c)
             if (face[c] < 0 || face[c] >= count)
-                throw Error(ExitCode::internal, str(path, ": not written: a face refers to vertex ",
-                                                    face[c], " of ", count));
+                throw Error(ExitCode::internal, path, ": not written: a face refers to vertex ",
+                            face[c], " of ", count);
 }
 
 void write_mesh(const std::string& path,
@@ -181,8 +187,8 @@ void write_mesh(const std::string& path,
         return write_mesh_ply(path, mesh, options.origin, options.projection);
     check_mesh(path, mesh);
     if (!texture.empty() && texture.faces.size() != mesh.faces.size())
-        throw Error(ExitCode::internal, str(path, ": not written: ", texture.faces.size(),
-                                            " textured faces of ", mesh.faces.size()));
+        throw Error(ExitCode::internal, path, ": not written: ", texture.faces.size(),
+                    " textured faces of ", mesh.faces.size());
     if (!texture.empty()) require_texture_format(path, options.texture_format);
     FileGroup files;
     if (format == MeshFormat::glb) {

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "io/files/npz.h"
+#include "io/files/number_types.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
 
@@ -39,13 +40,7 @@ ImageF sized_map(const std::string& path,
     return {static_cast<int>(width), static_cast<int>(height), static_cast<int>(channels)};
 }
 
-float load_float(const char* bytes, bool swap) {
-    std::uint32_t bits;
-    std::memcpy(&bits, bytes, sizeof bits);
-    return std::bit_cast<float>(swap ? __builtin_bswap32(bits) : bits);
-}
-
-constexpr bool kBigHost = std::endian::native == std::endian::big;
+static_assert(std::endian::native == std::endian::little);
 
 /// Removes an integer and the character `end` from the front of `text`.
 std::int64_t take_number(const std::string& path, std::string_view& text, char end) {
@@ -74,11 +69,12 @@ ImageF read_pfm(const std::string& path) {
     head.remove_prefix(1);  // one white space separates the header from the numbers
     const std::size_t begin = static_cast<std::size_t>(head.data() - bytes.data());
     ImageF map = sized_map(path, width, height, kind == "PF" ? 3 : 1, bytes.size() - begin);
-    const bool swap = (scale < 0) == kBigHost;
     const char* from = bytes.data() + begin;
     for (int y = map.height - 1; y >= 0; --y)
-        for (int i = 0; i < map.width * map.channels; ++i, from += sizeof(float))
-            (&map.at(0, y))[i] = load_float(from, swap);
+        for (int i = 0; i < map.width * map.channels; ++i, from += sizeof(float)) {
+            const auto bits = load<std::uint32_t>(from);
+            (&map.at(0, y))[i] = std::bit_cast<float>(scale < 0 ? bits : __builtin_bswap32(bits));
+        }
     return map;
 }
 
@@ -86,18 +82,12 @@ ImageF read_dmb(const std::string& path) {
     const std::string bytes = read_bytes(path);
     constexpr std::size_t kHead = 16;
     std::int32_t head[4] = {};
-    if (bytes.size() >= kHead)
-        for (int i = 0; i < 4; ++i) {
-            std::uint32_t bits;
-            std::memcpy(&bits, bytes.data() + 4 * i, sizeof bits);
-            head[i] = static_cast<std::int32_t>(kBigHost ? __builtin_bswap32(bits) : bits);
-        }
+    if (bytes.size() >= kHead) std::memcpy(head, bytes.data(), kHead);
     if (head[0] != 1)
         throw prior_error(path, "of ", bytes.size(), " bytes begins with type ", head[0],
                           "; expected 1 (float32), height, width and channels");
     ImageF map = sized_map(path, head[2], head[1], head[3], bytes.size() - kHead);
-    for (std::size_t i = 0; i < map.pixels.size(); ++i)
-        map.pixels[i] = load_float(bytes.data() + kHead + sizeof(float) * i, kBigHost);
+    std::memcpy(map.pixels.data(), bytes.data() + kHead, bytes.size() - kHead);
     return map;
 }
 
@@ -111,7 +101,7 @@ ImageF read_colmap_map(const std::string& path) {
     for (int c = 0; c < map.channels; ++c)
         for (int y = 0; y < map.height; ++y)
             for (int x = 0; x < map.width; ++x, from += sizeof(float))
-                map.at(x, y, c) = load_float(from, kBigHost);
+                map.at(x, y, c) = load<float>(from);
     return map;
 }
 
@@ -121,9 +111,7 @@ ImageF read_npy_map(const std::string& path, int channels, MapLayout layout) {
     for (const std::int64_t n : array.shape)
         if (n != 1 || array.shape.size() <= 2) shape.push_back(n);
     const auto wrong = [&] {
-        std::string found;
-        for (const std::int64_t n : array.shape) found += (found.empty() ? "" : ", ") + str(n);
-        return prior_error(path, "an array of shape (", found, "); expected ",
+        return prior_error(path, "an array of shape (", joined(array.shape), "); expected ",
                            channels == 1   ? "(height, width)"
                            : channels == 0 ? "(channels, height, width)"
                                            : str("(height, width, ", channels, ") or (", channels,

@@ -48,8 +48,7 @@ DepthSource find_in(const Place& place, const std::vector<DepthFolder>& rows) {
 
 DepthSource find_with_params(const Place& place) {
     const fs::path params = place.folder / "sparse/0/depth_params.json";
-    std::error_code failure;
-    if (!fs::is_regular_file(params, failure)) return {};
+    if (!is_file(params)) return {};
     DepthSource source = depth_source(
         match_priors((place.folder / "depths").string(), {".png"}, place.views),
         {"", {}, PriorQuantity::inverse_depth, PriorGeometry::z, PriorAlignment::metric, false});
@@ -69,7 +68,6 @@ PriorFiles colmap_maps(const Place& place, const char* kind) {
 
 /// ACMM names a view's folder after the number of its image: 2333_00000007.
 PriorFiles acmm_maps(const Place& place, const Strings& names) {
-    std::error_code failure;
     for (const char* program : {"ACMM", "ACMP", "ACMMP"})
         for (const std::string& name : names) {
             PriorFiles found;
@@ -81,7 +79,7 @@ PriorFiles acmm_maps(const Place& place, const Strings& names) {
                 const fs::path file = place.folder / program /
                                       ("2333_" + std::string(8 - digits.size(), '0') + digits) /
                                       name;
-                if (fs::is_regular_file(file, failure)) found.files[view].path = file.string();
+                if (is_file(file)) found.files[view].path = file.string();
             }
             if (found.empty()) continue;
             found.what = str(program, "/*/", name);
@@ -93,12 +91,11 @@ PriorFiles acmm_maps(const Place& place, const Strings& names) {
 /// Files beside the photographs, like Omnidata's for MonoSDF: 000000_depth.npy.
 PriorFiles beside(const Place& place, const std::string& ending) {
     PriorFiles found;
-    std::error_code failure;
     for (const std::string& view : place.views) {
         std::string stem = fs::path(view).stem().string();
         if (stem.ends_with("_rgb")) stem.resize(stem.size() - 4);
         const fs::path file = place.folder / (stem + ending);
-        if (fs::is_regular_file(file, failure)) found.files[view].path = file.string();
+        if (is_file(file)) found.files[view].path = file.string();
     }
     if (!found.empty()) found.what = "*" + ending, found.centre_crop = true;
     return found;
@@ -208,8 +205,7 @@ PriorSources find_priors(const PriorQuery& query) {
         if (to.empty()) to = std::move(from);
     };
     for (const std::string& folder : prior_folders(query)) {
-        std::error_code failure;
-        PriorSources here = fs::is_regular_file(fs::path(folder) / "priors.json", failure)
+        PriorSources here = is_file(fs::path(folder) / "priors.json")
                                 ? read_priors_json(folder, query.views)
                                 : find_formats({folder, query.views});
         // A confidence map belongs to the depth map beside it.

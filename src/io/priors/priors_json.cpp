@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <initializer_list>
 
+#include "core/math/quantile.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
 #include "io/priors/prior_sources.h"
@@ -29,11 +30,10 @@ struct Document {
     void allow(const std::string& where,
                const JsonValue& object,
                std::initializer_list<std::string_view> keys) const {
-        std::string known;
-        for (const std::string_view key : keys) known += str(known.empty() ? "" : ", ", key);
         for (const auto& [key, value] : object.members)
             if (std::find(keys.begin(), keys.end(), key) == keys.end())
-                throw wrong(where, str("unknown key '", shown(key), "'; expected one of ", known));
+                throw wrong(where,
+                            str("unknown key '", shown(key), "'; expected one of ", joined(keys)));
     }
     /// Index in `words` of the member's text; `fallback` if there is no member.
     int choice(const std::string& where,
@@ -43,13 +43,9 @@ struct Document {
                int fallback) const {
         const JsonValue& value = object[key];
         if (!value) return fallback;
-        std::string known;
-        int at = 0;
-        for (const std::string_view word : words) {
-            if (value.is(Kind::text) && value.text == word) return at;
-            known += str(at++ == 0 ? "" : ", ", word);
-        }
-        throw wrong(where, str(key, " is '", shown(value.text), "'; expected ", known));
+        const auto at = std::find(words.begin(), words.end(), value.text);
+        if (value.is(Kind::text) && at != words.end()) return static_cast<int>(at - words.begin());
+        throw wrong(where, str(key, " is '", shown(value.text), "'; expected ", joined(words)));
     }
     double number(const std::string& where,
                   const JsonValue& object,
@@ -213,12 +209,7 @@ void read_depth_params(const std::string& path, DepthSource& source) {
         file.shift = in.number(where, own, "offset", 0);
         if (file.scale > 0) scales.push_back(file.scale);
     }
-    double median = 0;
-    if (!scales.empty()) {
-        const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
-        std::nth_element(scales.begin(), middle, scales.end());
-        median = *middle;
-    }
+    const double median = scales.empty() ? 0 : middle_of(scales);
     for (auto& [view, file] : source.files) {
         // As in 3DGS: a scale far from the median comes from a bad fit.
         file.unreliable = !(file.scale > 0.2 * median && file.scale < 5 * median);
@@ -230,8 +221,7 @@ void read_depth_params(const std::string& path, DepthSource& source) {
 DepthSource read_transforms_depth(const std::string& folder,
                                   const std::vector<std::string>& views) {
     const fs::path path = fs::path(folder) / "transforms.json";
-    std::error_code failure;
-    if (!fs::is_regular_file(path, failure)) return {};
+    if (!is_file(path)) return {};
     const Document in(path.string());
     const double unit = in.number("", in.root, "depth_unit_scale_factor", 1e-3);
     std::map<std::string, std::string> by_image, by_last;
@@ -240,7 +230,7 @@ DepthSource read_transforms_depth(const std::string& folder,
                           depth = frame["depth_file_path"].text_or("");
         if (depth.empty()) continue;
         const std::string file = in.beside("depth_file_path", depth);
-        if (!fs::is_regular_file(file, failure)) continue;
+        if (!is_file(file)) continue;
         fs::path name = fs::path(image).lexically_normal().replace_extension();
         by_image[name.generic_string()] = file;
         by_last[name.filename().string()] = file;

@@ -10,25 +10,26 @@
 namespace tvsgs {
 namespace {
 
+using enum Distortion::Kind;
 constexpr CameraModel kModels[] = {
-    {0, "SIMPLE_PINHOLE", 3},
-    {1, "PINHOLE", 4},
-    {2, "SIMPLE_RADIAL", 4},
-    {3, "RADIAL", 5},
-    {4, "OPENCV", 8},
-    {5, "OPENCV_FISHEYE", 8},
-    {6, "FULL_OPENCV", 12},
-    {7, "FOV", 5},
-    {8, "SIMPLE_RADIAL_FISHEYE", 4},
-    {9, "RADIAL_FISHEYE", 5},
-    {10, "THIN_PRISM_FISHEYE", 12},
-    {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false},
-    {12, "SIMPLE_DIVISION", 4, false},
-    {13, "DIVISION", 5, false},
-    {14, "SIMPLE_FISHEYE", 3},
-    {15, "FISHEYE", 4},
-    {16, "EUCM", 6, false},
-    {17, "EQUIRECTANGULAR", 2, false},
+    {0, "SIMPLE_PINHOLE", 3, 1, none},
+    {1, "PINHOLE", 4, 2, none},
+    {2, "SIMPLE_RADIAL", 4, 1, radial},
+    {3, "RADIAL", 5, 1, radial},
+    {4, "OPENCV", 8, 2, radial, true},
+    {5, "OPENCV_FISHEYE", 8, 2, fisheye},
+    {6, "FULL_OPENCV", 12, 2, radial, true},
+    {7, "FOV", 5, 2, fov},
+    {8, "SIMPLE_RADIAL_FISHEYE", 4, 1, fisheye},
+    {9, "RADIAL_FISHEYE", 5, 1, fisheye},
+    {10, "THIN_PRISM_FISHEYE", 12, 2, fisheye, true},
+    {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16},
+    {12, "SIMPLE_DIVISION", 4},
+    {13, "DIVISION", 5},
+    {14, "SIMPLE_FISHEYE", 3, 1, fisheye},
+    {15, "FISHEYE", 4, 2, fisheye},
+    {16, "EUCM", 6},
+    {17, "EQUIRECTANGULAR", 2},
 };
 
 // Largest half field of view of a useful pinhole image: 60 degrees.
@@ -67,8 +68,7 @@ double area_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& pla
     const Vec2<double> from = distort(in.distortion, uv);
     place = {from.x * in.fx_px + in.cx_px, from.y * in.fy_px + in.cy_px};
     const Distortion::Kind kind = in.distortion.kind;
-    if ((kind == Distortion::Kind::fisheye || kind == Distortion::Kind::fov) &&
-        dot(uv, uv) > kMaxFisheyeRadius * kMaxFisheyeRadius)
+    if ((kind == fisheye || kind == fov) && dot(uv, uv) > kMaxFisheyeRadius * kMaxFisheyeRadius)
         return 0;
     if (!(place.x >= 0 && place.x <= in.width_px && place.y >= 0 && place.y <= in.height_px))
         return 0;                     // NaN too
@@ -87,7 +87,7 @@ bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place
 }
 
 UndistortionLoss undistortion_loss(const Intrinsics& in, int steps) {
-    if (in.distortion.kind == Distortion::Kind::none) return {};
+    if (in.distortion.kind == none) return {};
     const double share = 1.0 / (steps * steps);
     UndistortionLoss loss{1, 1};
     Vec2<double> place;
@@ -106,54 +106,27 @@ Intrinsics make_intrinsics(const std::string& path,
                            std::uint64_t width,
                            std::uint64_t height,
                            const std::vector<double>& params) {
-    if (!model.usable) throw_camera_model(path, camera_id, model.name);
+    if (!model.usable()) throw_camera_model(path, camera_id, model.name);
     const std::string where = str(path, ": camera ", camera_id);
     if (width < 1 || height < 1 || width > 65535 || height > 65535 || width * height > (1u << 30))
         throw input_error("E_CAMERA_SIZE: ", where, ": ", width, "x", height,
                           " pixels; expected 1 to 65535 a side and at most 2^30 in all");
-    constexpr int kTwoFocals[] = {1, 4, 5, 6, 7, 10, 15};
-    const bool two_focals = std::ranges::find(kTwoFocals, model.id) != std::end(kTwoFocals);
-    const int first = two_focals ? 4 : 3;  // index of the first coefficient
+    const auto first = static_cast<std::size_t>(model.focals + 2);  // coefficient
 
     Intrinsics in;
     in.model = model.name;
     Distortion& d = in.distortion;
     in.width_px = static_cast<int>(width), in.height_px = static_cast<int>(height);
-    in.fx_px = params[0], in.fy_px = params[two_focals ? 1 : 0];
-    switch (model.id) {
-        case 2:
-        case 3:
-            d.kind = Distortion::Kind::radial;
-            std::copy(params.begin() + first, params.end(), d.k);
-            break;
-        case 4:
-        case 6:
-            d.kind = Distortion::Kind::radial;
-            d.k[0] = params[4], d.k[1] = params[5], d.p1 = params[6], d.p2 = params[7];
-            std::copy(params.begin() + 8, params.end(), d.k + 2);
-            break;
-        case 5:
-        case 8:
-        case 9:
-        case 14:
-        case 15:
-            d.kind = Distortion::Kind::fisheye;
-            std::copy(params.begin() + first, params.end(), d.k);
-            break;
-        case 7:
-            d.kind = Distortion::Kind::fov;
-            d.k[0] = params[4];
-            break;
-        case 10:  // k1, k2, p1, p2, k3, k4, sx1, sy1
-            d.kind = Distortion::Kind::fisheye;
-            d.k[0] = params[4], d.k[1] = params[5], d.p1 = params[6], d.p2 = params[7];
-            d.k[2] = params[8], d.k[3] = params[9], d.s1 = params[10], d.s2 = params[11];
-            break;
-        default:  // a pinhole
-            break;
+    in.fx_px = params[0], in.fy_px = params[first - 3];
+    in.cx_px = params[first - 2], in.cy_px = params[first - 1];
+    d.kind = model.kind;
+    std::vector<double> k(params.begin() + static_cast<std::ptrdiff_t>(first), params.end());
+    if (model.tangential) {  // k1, k2, p1, p2, k3, ...
+        d.p1 = k[2], d.p2 = k[3];
+        k.erase(k.begin() + 2, k.begin() + 4);
     }
-    in.cx_px = params[static_cast<std::size_t>(first - 2)],
-    in.cy_px = params[static_cast<std::size_t>(first - 1)];
+    if (d.kind == fisheye && k.size() > 4) d.s1 = k[4], d.s2 = k[5], k.resize(4);
+    std::copy(k.begin(), k.end(), d.k);
 
     constexpr double kLargest = 1e9;  // px; beyond, float cannot distinguish neighbours
     if (!(in.fx_px > 0 && in.fy_px > 0 && in.fx_px <= kLargest && in.fy_px <= kLargest))
@@ -177,10 +150,10 @@ Intrinsics make_intrinsics(const std::string& path,
                      where, in.cx_px, in.cy_px);
 
     const bool zero = d.p1 == 0 && d.p2 == 0 &&
-                      std::all_of(std::begin(d.k), std::end(d.k), [](double k) { return k == 0; });
-    if (d.kind != Distortion::Kind::fisheye && zero) d.kind = Distortion::Kind::none;
+                      std::all_of(std::begin(d.k), std::end(d.k), [](double c) { return c == 0; });
+    if (d.kind != fisheye && zero) d.kind = none;
     constexpr double kLeastShare = 0.2;
-    if (d.kind != Distortion::Kind::none)
+    if (d.kind != none)
         if (const double share = 1 - undistortion_loss(in, 64).empty; share < kLeastShare)
             throw input_error("E_CAMERA_PARAMS: ", where, ": undistortion keeps ",
                               std::round(1000 * share) / 10, " % of the picture, expected ",
@@ -198,19 +171,20 @@ Intrinsics scaled(Intrinsics in, int width_px, int height_px) {
 }
 
 Vec2<double> distort(const Distortion& d, Vec2<double> uv) {
-    if (d.kind == Distortion::Kind::none) return uv;
-    if (d.kind == Distortion::Kind::fov) {
+    if (d.kind == none) return uv;
+    if (d.kind == fov) {
         const double r = std::sqrt(dot(uv, uv)), omega = d.k[0];
         if (r < 1e-12) return 2 * std::tan(omega / 2) / omega * uv;
         return std::atan(2 * r * std::tan(omega / 2)) / (r * omega) * uv;
     }
-    const bool fisheye = d.kind == Distortion::Kind::fisheye;
-    if (fisheye)  // replaces the tangent by the angle
+    const bool is_fisheye = d.kind == fisheye;
+    if (is_fisheye)  // replaces the tangent by the angle
         if (const double r = std::sqrt(dot(uv, uv)); r > 1e-12) uv = std::atan(r) / r * uv;
     const double u = uv.x, v = uv.y, r2 = dot(uv, uv);
-    const double factor = fisheye ? 1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * (d.k[2] + r2 * d.k[3])))
-                                  : (1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * d.k[2]))) /
-                                        (1 + r2 * (d.k[3] + r2 * (d.k[4] + r2 * d.k[5])));
+    const double factor = is_fisheye
+                              ? 1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * (d.k[2] + r2 * d.k[3])))
+                              : (1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * d.k[2]))) /
+                                    (1 + r2 * (d.k[3] + r2 * (d.k[4] + r2 * d.k[5])));
     return {u * factor + 2 * d.p1 * u * v + d.p2 * (r2 + 2 * u * u) + d.s1 * r2,
             v * factor + 2 * d.p2 * u * v + d.p1 * (r2 + 2 * v * v) + d.s2 * r2};
 }

@@ -12,18 +12,6 @@
 
 namespace tvsgs {
 
-/// One of COLMAP's camera models.
-struct CameraModel {
-    int id;
-    const char* name;
-    int params;
-    bool usable = true;  // make_intrinsics() supports it
-};
-
-/// nullptr if COLMAP has no such model.
-const CameraModel* find_camera_model(int id);
-const CameraModel* find_camera_model(std::string_view name);
-
 /// Lens distortion of all supported models: maps a ray (u, v, 1) to its image on the plane z = 1.
 /// radial:  factor (1 + k0 r^2 + k1 r^4 + k2 r^6) / (1 + k3 r^2 + k4 r^4 + k5 r^6)
 /// fisheye: factor 1 + k0 a^2 + k1 a^4 + k2 a^6 + k3 a^8 on the angle a
@@ -35,6 +23,23 @@ struct Distortion {
     double p1 = 0, p2 = 0;  // tangential, also for fisheyes
     double s1 = 0, s2 = 0;  // thin prism, only for fisheyes
 };
+
+/// One of COLMAP's camera models.
+struct CameraModel {
+    int id;
+    const char* name;
+    int params;
+    int focals = 0;  // 1: both focal lengths are equal; 0: make_intrinsics() does not support it
+    Distortion::Kind kind = Distortion::Kind::none;
+    bool tangential = false;  // p1 and p2 follow the first two coefficients
+
+    bool usable() const { return focals > 0; }
+};
+
+/// nullptr if COLMAP has no such model.
+const CameraModel* find_camera_model(int id);
+const CameraModel* find_camera_model(std::string_view name);
+
 /// Place on the plane z = 1 at which the ray (uv, 1) appears.
 Vec2<double> distort(const Distortion& distortion, Vec2<double> uv);
 

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <optional>
 #include <set>
 
 #include "core/grouped.h"
 #include "core/log.h"
+#include "io/files/number_types.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -22,17 +22,10 @@ public:
     explicit BinaryReader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {}
 
     template <class T>
-    T get() {
+    T get(const char* /*what*/ = "") {
         need(sizeof(T));
-        T value;
-        std::memcpy(&value, &bytes_[offset_], sizeof(T));
         offset_ += sizeof(T);
-        return value;
-    }
-    template <class T>
-    Vec3<T> get_vec3() {
-        const T x = get<T>(), y = get<T>(), z = get<T>();
-        return {x, y, z};
+        return load<T>(&bytes_[offset_ - sizeof(T)]);
     }
     std::string get_name() {
         const std::size_t end = bytes_.find('\0', offset_);
@@ -84,9 +77,7 @@ public:
     /// Goes to the next line; false at the end.
     bool next_line() {
         if (rest_.empty()) return false;
-        const std::size_t end = rest_.find('\n');
-        line_ = trimmed(rest_.substr(0, end));
-        rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
+        line_ = trimmed(tvsgs::next_line(rest_));
         ++number_;
         return true;
     }
@@ -103,10 +94,6 @@ public:
         if (word.empty()) corrupt(str("no ", what));
         if (!parse_number(word, value)) corrupt(str("'", shown(word), "' is not a valid ", what));
         return value;
-    }
-    Vec3d get_vec3(const char* what) {
-        const double x = get<double>(what), y = get<double>(what), z = get<double>(what);
-        return {x, y, z};
     }
     std::string_view get_word() { return next_word(line_); }
     std::string_view rest_of_line() { return std::exchange(line_, {}); }
@@ -157,7 +144,7 @@ void read_cameras(TextReader&& in, ColmapModel& model) {
         const CameraModel* camera_model = find_camera_model(name);
         if (!camera_model)
             throw_camera_model(in.path(), id, str("the unknown model '", shown(name), "'"));
-        if (!camera_model->usable) throw_camera_model(in.path(), id, name);
+        if (!camera_model->usable()) throw_camera_model(in.path(), id, name);
         std::vector<double> params;
         while (!in.line_is_empty()) params.push_back(in.get<double>("camera parameter"));
         if (static_cast<int>(params.size()) != camera_model->params)
@@ -197,17 +184,30 @@ void add_image(ColmapModel& model, const std::string& where, ColmapImage image, 
     model.images.push_back(std::move(image));
 }
 
+template <class T, class Reader>
+Vec3<T> get_vec3(Reader& in, const char* what) {
+    const T x = in.template get<T>(what), y = in.template get<T>(what),
+            z = in.template get<T>(what);
+    return {x, y, z};
+}
+
+/// Reads an image up to its name, except for its rotation `q`.
+template <class Reader>
+ColmapImage read_pose(Reader& in, Quat<double>& q) {
+    ColmapImage image;
+    image.id = in.template get<std::uint32_t>("image id");
+    for (double* const to : {&q.w, &q.x, &q.y, &q.z}) *to = in.template get<double>("quaternion");
+    image.camera_from_world.t = get_vec3<double>(in, "translation");
+    image.camera_id = in.template get<std::uint32_t>("camera id");
+    return image;
+}
+
 void read_images(BinaryReader&& in, ColmapModel& model) {
     const std::size_t count = in.get_count(74);
     for (std::size_t i = 1; i <= count; ++i) {
         in.start_record(i);
-        ColmapImage image;
-        image.id = in.get<std::uint32_t>();
         Quat<double> q;
-        q.w = in.get<double>(), q.x = in.get<double>(), q.y = in.get<double>(),
-        q.z = in.get<double>();
-        image.camera_from_world.t = in.get_vec3<double>();
-        image.camera_id = in.get<std::uint32_t>();
+        ColmapImage image = read_pose(in, q);
         image.name = in.get_name();
         for (std::size_t left = in.get_count(24); left > 0; --left) {
             const auto x = in.get<double>(), y = in.get<double>();
@@ -221,14 +221,8 @@ void read_images(BinaryReader&& in, ColmapModel& model) {
 
 void read_images(TextReader&& in, ColmapModel& model) {
     while (in.next_record()) {
-        ColmapImage image;
-        image.id = in.get<std::uint32_t>("image id");
         Quat<double> q;
-        q.w = in.get<double>("quaternion");
-        q.x = in.get<double>("quaternion"), q.y = in.get<double>("quaternion"),
-        q.z = in.get<double>("quaternion");
-        image.camera_from_world.t = in.get_vec3("translation");
-        image.camera_id = in.get<std::uint32_t>("camera id");
+        ColmapImage image = read_pose(in, q);
         image.name = trimmed(in.rest_of_line());
         add_image(model, in.where(), std::move(image), q);
         // The next line holds the observations, three words each. It may be empty, but always
@@ -266,12 +260,7 @@ void check_images(const std::string& path, ColmapModel& model) {
                               known.empty() ? "none" : known);
         }
     }
-    std::sort(model.images.begin(), model.images.end(),
-              [](auto& a, auto& b) { return a.name < b.name; });
-    const auto same = std::adjacent_find(model.images.begin(), model.images.end(),
-                                         [](auto& a, auto& b) { return a.name == b.name; });
-    if (same != model.images.end())
-        throw input_error("E_DUPLICATE_ID: ", path, ": two images are named '", same->name, "'");
+    sort_by_name(model.images, path);
 }
 
 /// Collects points. Drops and counts invalid ones.
@@ -307,8 +296,8 @@ ColmapPoints read_points(BinaryReader&& in) {
     for (std::size_t i = 1; i <= count; ++i) {
         in.start_record(i);
         in.get<std::uint64_t>();  // id
-        const auto position = in.get_vec3<double>();
-        const auto color = in.get_vec3<std::uint8_t>();
+        const auto position = get_vec3<double>(in, "");
+        const auto color = get_vec3<std::uint8_t>(in, "");
         in.get<double>();  // reprojection error
         for (std::size_t left = in.get_count(8); left > 0; --left) {
             out.points.track.push_back(in.get<std::uint32_t>());
@@ -324,16 +313,14 @@ ColmapPoints read_points(TextReader&& in) {
     PointCollector out;
     while (in.next_record()) {
         in.get<std::uint64_t>("point id");
-        const Vec3d position = in.get_vec3("position");
-        Vec3f color;
-        for (int c = 0; c < 3; ++c)
-            color[c] = static_cast<float>(in.get<std::uint8_t>("colour (0-255)"));
+        const auto position = get_vec3<double>(in, "position");
+        const auto color = get_vec3<std::uint8_t>(in, "colour (0-255)");
         in.get<double>("reprojection error");
         while (!in.line_is_empty()) {
             out.points.track.push_back(in.get<std::uint32_t>("image id"));
             out.points.track_observation.push_back(in.get<std::uint32_t>("observation index"));
         }
-        out.add(position, color);
+        out.add(position, vec_cast<float>(color));
     }
     return out.finish(in.path());
 }
@@ -342,8 +329,7 @@ ColmapPoints read_points(TextReader&& in) {
 std::optional<std::string> find_file(const std::string& folder, const char* name) {
     for (const char* extension : {".bin", ".txt"}) {
         const fs::path path = fs::path(folder) / (std::string(name) + extension);
-        std::error_code error;
-        if (fs::is_regular_file(path, error)) return path.string();
+        if (is_file(path)) return path.string();
     }
     return std::nullopt;
 }
@@ -354,6 +340,13 @@ auto with_reader(const std::string& path, const Action& action) {
 }
 
 }  // namespace
+
+void sort_by_name(std::vector<ColmapImage>& images, const std::string& source) {
+    std::ranges::sort(images, {}, &ColmapImage::name);
+    const auto same = std::ranges::adjacent_find(images, {}, &ColmapImage::name);
+    if (same != images.end())
+        throw input_error("E_DUPLICATE_ID: ", source, ": two images are named '", same->name, "'");
+}
 
 std::vector<std::string> missing_colmap_files(const std::string& folder) {
     std::vector<std::string> missing;

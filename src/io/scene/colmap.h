@@ -35,6 +35,9 @@ struct ColmapPoints {
     std::vector<std::uint32_t> track_observation;  // [as track] index into `observations`
 };
 
+/// Throws E_DUPLICATE_ID that names `source` if two images have the same name.
+void sort_by_name(std::vector<ColmapImage>& images, const std::string& source);
+
 /// The files that a model needs and the folder lacks, of "cameras.{bin,txt}" and
 /// "images.{bin,txt}".
 std::vector<std::string> missing_colmap_files(const std::string& folder);

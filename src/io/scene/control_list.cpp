@@ -4,7 +4,6 @@
 #include <map>
 #include <tuple>
 
-#include "core/lower_case.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -42,9 +41,7 @@ public:
         bool has_projection = false;
         for (std::string_view rest = text; !rest.empty();) {
             ++line_;
-            const std::size_t end = rest.find('\n');
-            const std::string_view words = trimmed(rest.substr(0, end));
-            rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
+            const std::string_view words = trimmed(next_line(rest));
             if (words.empty() || words.front() == '#') continue;
             if (has_projection)
                 add_mark(words);

@@ -4,7 +4,6 @@
 #include <filesystem>
 
 #include "io/files/atomic_file.h"
-#include "io/files/json_vector.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -15,6 +14,12 @@ std::string file_in(const std::string& folder) {
 }
 
 }  // namespace
+
+Vec3d vector_of(const JsonValue& list) {
+    Vec3d out{NAN, NAN, NAN};
+    for (int c = 0; list.items.size() == 3 && c < 3; ++c) out[c] = list.items[c].number_or(NAN);
+    return out;
+}
 
 bool is_one_line(std::string_view text) {
     return std::ranges::all_of(text, [](unsigned char c) { return c >= 32 && c != 127; });

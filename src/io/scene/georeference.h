@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "core/math/vec.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 
@@ -14,6 +15,9 @@ struct Georeference {
     std::string projection;  // EPSG:n, or a PROJ string; one line
     Vec3d origin;            // Scene::origin, in the projection
 };
+
+/// A list of three numbers; NaN where it is something else.
+Vec3d vector_of(const JsonValue& list);
 
 /// Whether headers of text formats can contain the text.
 bool is_one_line(std::string_view text);

@@ -44,6 +44,17 @@ int camera_scale(double cx_px, int width, const std::string& where) {
                       " px wide; expected cameras of this size, or of 2, 4 or 8 times it");
 }
 
+/// `params`: focal lengths and principal point.
+Intrinsics pinhole(const std::string& path,
+                   std::size_t id,
+                   int width,
+                   int height,
+                   const std::vector<double>& params) {
+    return make_intrinsics(path, static_cast<std::uint32_t>(id), *find_camera_model("PINHOLE"),
+                           static_cast<std::uint64_t>(width), static_cast<std::uint64_t>(height),
+                           params);
+}
+
 }  // namespace
 
 SceneLayout read_npz_layout(const SceneOptions& options) {
@@ -65,12 +76,9 @@ SceneLayout read_npz_layout(const SceneOptions& options) {
         // In the normalised frame camera coordinates shrink by the same scale.
         pose.t = (pose.R * cameras.offset + pose.t) / cameras.scale;
         add_view(layout, names[i],
-                 make_intrinsics(layout.source, static_cast<std::uint32_t>(i),
-                                 *find_camera_model("PINHOLE"),
-                                 static_cast<std::uint64_t>(size.width) * q,
-                                 static_cast<std::uint64_t>(size.height) * q,
-                                 {camera.fx_px, camera.fy_px, camera.cx_px + options.pixel_offset,
-                                  camera.cy_px + options.pixel_offset}),
+                 pinhole(layout.source, i, q * size.width, q * size.height,
+                         {camera.fx_px, camera.fy_px, camera.cx_px + options.pixel_offset,
+                          camera.cy_px + options.pixel_offset}),
                  pose);
     }
     spdlog::info("{}: {} cameras, normalised by scale_mat_0: 1 unit is {:.6g} world units",
@@ -121,14 +129,11 @@ SceneLayout read_mvsnet_layout(const SceneOptions& options) {
             if (cameras == 1)
                 spdlog::info("{}: scaled up cameras of images reduced {:g} times", path, q);
         }
-        add_view(
-            layout, name,
-            make_intrinsics(path, static_cast<std::uint32_t>(cameras),
-                            *find_camera_model("PINHOLE"), static_cast<std::uint64_t>(size.width),
-                            static_cast<std::uint64_t>(size.height),
-                            {q * K[0], q * K[4], q * (K[2] + options.pixel_offset),
-                             q * (K[5] + options.pixel_offset)}),
-            camera_from_world);
+        add_view(layout, name,
+                 pinhole(path, cameras, size.width, size.height,
+                         {q * K[0], q * K[4], q * (K[2] + options.pixel_offset),
+                          q * (K[5] + options.pixel_offset)}),
+                 camera_from_world);
     }
     return finished(std::move(layout));
 }

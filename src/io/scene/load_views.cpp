@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-#include "core/device/parallel_errors.h"
+#include "core/device/parallel_lists.h"
 #include "core/log.h"
 #include "core/progress.h"
 #include "io/files/read_file.h"
@@ -186,8 +186,7 @@ std::vector<View> load_views(const std::vector<ViewSource>& sources,
     std::vector<View> views(sources.size());
     std::atomic<int> turns = 0;
     Progress progress("photographs", double(sources.size()));
-    parallel_for_throwing(static_cast<int>(sources.size()), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
+    parallel_for_throwing(static_cast<int>(sources.size()), [&](std::size_t at) {
         View& view = views[at];
         view = load_view(sources[at], options, origin, turns);
         if (file != nullptr) file->keep(view.photo), file->keep(view.mask), file->keep(view.grey);

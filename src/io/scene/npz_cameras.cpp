@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/log.h"
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 #include "io/files/npz.h"
 #include "io/files/read_file.h"
 
@@ -26,18 +26,15 @@ const std::vector<double>& matrix(const NpzArchive& archive,
 
 NpzCamera take_apart(const std::vector<double>& m, const std::string& where) {
     NpzCamera camera;
+    Vec3d(&rows)[3] = camera.rows, &last = camera.last;
     for (std::size_t i = 0; i < 3; ++i) {
-        camera.rows[i] = {m[4 * i], m[4 * i + 1], m[4 * i + 2]};
-        camera.last[static_cast<int>(i)] = m[4 * i + 3];
+        rows[i] = {m[4 * i], m[4 * i + 1], m[4 * i + 2]};
+        last[static_cast<int>(i)] = m[4 * i + 3];
     }
     // P is known up to a factor. The sign of the factor must give a proper rotation.
-    Vec3d rows[3] = {camera.rows[0], camera.rows[1], camera.rows[2]}, last = camera.last;
-    const double det = dot(rows[0], cross(rows[1], rows[2]));
-    if (det < 0) {
+    if (dot(rows[0], cross(rows[1], rows[2])) < 0) {
         for (Vec3d& row : rows) row = -row;
         last = -last;
-        for (int i = 0; i < 3; ++i) camera.rows[i] = rows[i];
-        camera.last = last;
     }
     // Solves K R = rows from the last row up: K is upper triangular.
     const double k22 = norm(rows[2]);

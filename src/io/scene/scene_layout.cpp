@@ -170,15 +170,9 @@ SceneLayout empty_layout(const char* format, const std::string& source, const st
 }
 
 SceneLayout finished(SceneLayout layout) {
-    auto& images = layout.model.images;
-    if (images.empty())
+    if (layout.model.images.empty())
         throw input_error("E_NO_IMAGES: ", layout.source, ": none of its images was found");
-    std::sort(images.begin(), images.end(), [](auto& a, auto& b) { return a.name < b.name; });
-    const auto same = std::adjacent_find(images.begin(), images.end(),
-                                         [](auto& a, auto& b) { return a.name == b.name; });
-    if (same != images.end())
-        throw input_error("E_DUPLICATE_ID: ", layout.source, ": two images are named '", same->name,
-                          "'");
+    sort_by_name(layout.model.images, layout.source);
     return layout;
 }
 

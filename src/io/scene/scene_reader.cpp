@@ -5,8 +5,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <numeric>
-#include <optional>
 #include <set>
 #include <tuple>
 
@@ -14,7 +12,8 @@
 #include "core/device/parallel_lists.h"
 #include "core/grouped.h"
 #include "core/log.h"
-#include "core/scene/local_origin.h"
+#include "core/math/quantile.h"
+#include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"
@@ -26,11 +25,6 @@ namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool is_file(const fs::path& path) {
-    std::error_code error;
-    return fs::is_regular_file(path, error);
-}
 
 /// Finds the file of an image: the listed name, else another extension, else the base name if
 /// unique.
@@ -132,14 +126,13 @@ std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source) {
     std::vector<int> order = indices_where(p.size(), is_finite_here);
     const std::size_t not_finite = p.size() - order.size();
     const auto place = [&](int i) {
-        const Vec3f at = p[static_cast<std::size_t>(i)];
+        const Vec3f at = p[i];
         return std::tuple(at.x, at.y, at.z);
     };
     sort_in_parallel(
         order, [&](int a, int b) { return std::tuple(place(a), a) < std::tuple(place(b), b); });
     std::vector<char> keep(p.size());
-    parallel_for(Cpu{}, static_cast<int>(order.size()), [&](int j) {
-        const auto at = static_cast<std::size_t>(j);
+    parallel_for(Cpu{}, static_cast<int>(order.size()), [&](std::size_t at) {
         keep[static_cast<std::size_t>(order[at])] =
             at == 0 || place(order[at - 1]) != place(order[at]);
     });
@@ -247,13 +240,12 @@ float scene_extent(const Scene& scene) {
     for (const Vec3f p : scene.points.positions)
         distances.push_back(norm(p - camera_centre(scene.train[0].camera)));
     if (distances.empty()) return 1;
-    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-    std::nth_element(distances.begin(), middle, distances.end());
+    const float median = middle_of(distances);
     spdlog::warn(
         "{}: all training cameras are at one place; the scene extent is the median distance of the "
         "points, {}",
-        scene.path, *middle);
-    return *middle;
+        scene.path, median);
+    return median;
 }
 
 PixelSize resized_size(int resolution, int width, int height) {
@@ -270,8 +262,8 @@ PixelSize resized_size(int resolution, int width, int height) {
         return size(w / scale, h / scale);
     }
     if (resolution < 1 || resolution > 65535)
-        throw Error(ExitCode::usage, str("--resolution ", resolution,
-                                         ": expected -1, 1, 2, 4, 8 or a width in pixels"));
+        throw Error(ExitCode::usage, "--resolution ", resolution,
+                    ": expected -1, 1, 2, 4, 8 or a width in pixels");
     // Same order of operations as in the official codes; it can lose a pixel.
     const double scale = w / resolution;
     return size(w / scale, h / scale);
@@ -286,8 +278,7 @@ ChosenViews choose_views(const SceneOptions& options) {
     return with_context(str("reading scene ", options.path), [&] {
         SceneLayout layout = read_layout(options);
         const ColmapModel& model = layout.model;
-        resized_size(options.resolution, 1,
-                     1);  // reports a wrong value before anything is loaded
+        resized_size(options.resolution, 1, 1);  // reports a wrong value before loading
 
         const fs::path image_folder = layout.images;
         const ImageFinder image_finder(image_folder, model);
@@ -329,8 +320,7 @@ PhotoStorage photo_storage(const ChosenViews& chosen, const SceneOptions& option
     for (const auto* indices : {&chosen.split.train, &chosen.split.test})
         for (const int i : *indices) {
             const ColmapModel& model = chosen.layout.model;
-            const Intrinsics& in =
-                model.cameras.at(model.images[static_cast<std::size_t>(i)].camera_id);
+            const Intrinsics& in = model.cameras.at(model.images[i].camera_id);
             const PixelSize size = resized_size(options.resolution, static_cast<int>(in.width_px),
                                                 static_cast<int>(in.height_px));
             bytes += per_pixel * size.width_px * size.height_px;
@@ -360,10 +350,10 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         const auto sources = [&](const std::vector<int>& indices) {
             std::vector<ViewSource> out;
             for (const int i : indices) {
-                const ColmapImage& image = model.images[static_cast<std::size_t>(i)];
+                const ColmapImage& image = model.images[i];
                 const Intrinsics& intrinsics = model.cameras.at(image.camera_id);
                 const auto mask = layout.masks.find(image.name);
-                out.push_back({&image, intrinsics, *chosen.files[static_cast<std::size_t>(i)],
+                out.push_back({&image, intrinsics, *chosen.files[i],
                                mask != layout.masks.end() && options.masks.empty()
                                    ? mask->second
                                    : mask_finder.find(image.name),

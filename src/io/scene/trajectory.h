@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/math/affine.h"
+#include "core/math/rigid.h"
 
 namespace tvsgs {
 

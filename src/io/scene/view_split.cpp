@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <ranges>
 #include <sstream>
 
 #include "core/log.h"
@@ -22,7 +23,7 @@ public:
     explicit NameFinder(const std::vector<std::string>& names)
         : count_(static_cast<int>(names.size())) {
         for (int i = 0; i < count_; ++i) {
-            const fs::path path(names[static_cast<std::size_t>(i)]);
+            const fs::path path(names[i]);
             const std::string keys[] = {path.string(), fs::path(path).replace_extension().string(),
                                         path.filename().string(), path.stem().string()};
             for (int rule = 0; rule < 4; ++rule) {
@@ -79,9 +80,8 @@ std::vector<int> parse_indices(std::string_view text) {
         const std::size_t comma = std::min(rest.find(','), rest.size());
         int index = -1;
         if (!parse_number(trimmed(rest.substr(0, comma)), index))
-            throw Error(ExitCode::usage,
-                        str("--views ", text,
-                            ": expected indices with commas between them, such as 23,24,33"));
+            throw Error(ExitCode::usage, "--views ", text,
+                        ": expected indices with commas between them, such as 23,24,33");
         indices.push_back(index);
         rest.remove_prefix(std::min(comma + 1, rest.size()));
     }
@@ -103,12 +103,9 @@ NamedLists lists_of_split(const SceneOptions& options) {
                           "--train-list, --views or --eval");
     const auto lists = read_json_lists(path);
     const auto train = lists.find(options.split);
-    if (train == lists.end()) {
-        std::string known;
-        for (const auto& [name, list] : lists) known += str(known.empty() ? "" : ", ", name);
+    if (train == lists.end())
         throw input_error("E_SPLIT: ", path, ": no list '", options.split, "'; it has ",
-                          known.empty() ? "no list of names" : known);
-    }
+                          lists.empty() ? "no list of names" : joined(std::views::keys(lists)));
     if (train->second.empty())
         throw input_error("E_SPLIT: ", path, ": list '", options.split,
                           "' is empty; expected names of images");
@@ -118,8 +115,8 @@ NamedLists lists_of_split(const SceneOptions& options) {
         test_name = "test";
     const auto test = lists.find(test_name);
     if (test == train)
-        throw Error(ExitCode::usage, str("--split test: 'test' is the list of test views in ", path,
-                                         "; choose a training list"));
+        throw Error(ExitCode::usage, "--split test: 'test' is the list of test views in ", path,
+                    "; choose a training list");
     return {train->second, test == lists.end() ? std::vector<std::string>{} : test->second,
             str(path, ": list '", options.split, "'"), str(path, ": list '", test_name, "'")};
 }
@@ -142,8 +139,11 @@ ViewSplit split_views(const SceneOptions& options,
     // 1. The rule that gives both lists.
     ViewSplit split;
     bool train_was_listed = false;
-    if (has_lists || !options.split.empty()) {
+    if (has_lists || !options.split.empty() || !own_train.empty()) {
+        const bool own = !has_lists && options.split.empty();
+        constexpr const char* kOwn = "the scene's own split";
         NamedLists lists;
+        if (own) lists = {own_train, own_test, kOwn, kOwn};
         if (!options.split.empty()) lists = lists_of_split(options);
         if (!options.train_list.empty())
             lists.train = read_list(lists.train_source = options.train_list);
@@ -155,22 +155,15 @@ ViewSplit split_views(const SceneOptions& options,
         for (const auto& name : lists.test)
             split.test.push_back(finder.find(name, lists.test_source));
         sort_unique(split.train), sort_unique(split.test);
-        train_was_listed = !lists.train.empty();
-        if (!train_was_listed)
+        train_was_listed = !own && !lists.train.empty();
+        if (lists.train.empty())
             for (int i = 0; i < count; ++i)
                 if (!std::binary_search(split.test.begin(), split.test.end(), i))
                     split.train.push_back(i);
-    } else if (!own_train.empty()) {
-        const NameFinder finder(names);
-        for (const auto& name : own_train)
-            split.train.push_back(finder.find(name, "the scene's own split"));
-        for (const auto& name : own_test)
-            split.test.push_back(finder.find(name, "the scene's own split"));
-        sort_unique(split.train), sort_unique(split.test);
     } else {
         if (options.eval && options.test_every < 2)
-            throw Error(ExitCode::usage,
-                        str("--test-every ", options.test_every, ": expected 2 or more"));
+            throw Error(ExitCode::usage, "--test-every ", options.test_every,
+                        ": expected 2 or more");
         for (int i = 0; i < count; ++i)
             (options.eval && i % options.test_every == 0 ? split.test : split.train).push_back(i);
     }
@@ -185,11 +178,10 @@ ViewSplit split_views(const SceneOptions& options,
         const std::vector<int> chosen = parse_indices(options.views);
         for (const int i : chosen) {
             if (i < 0 || i >= count)
-                throw Error(ExitCode::usage, str("--views ", i, ": expected 0 to ", count - 1));
+                throw Error(ExitCode::usage, "--views ", i, ": expected 0 to ", count - 1);
             if (!std::binary_search(split.train.begin(), split.train.end(), i))
-                throw Error(ExitCode::usage,
-                            str("--views ", i, ": '", names[static_cast<std::size_t>(i)],
-                                "' is not a training view of the split"));
+                throw Error(ExitCode::usage, "--views ", i, ": '", names[i],
+                            "' is not a training view of the split");
         }
         split.train = chosen;
         sort_unique(split.train);
@@ -197,13 +189,13 @@ ViewSplit split_views(const SceneOptions& options,
     }
 
     // 3. Missing images.
-    const auto missing = [&](int i) { return !exists[static_cast<std::size_t>(i)]; };
+    const auto missing = [&](int i) { return !exists[i]; };
     if (train_was_listed)
         for (const int i : split.train)
             if (missing(i))
                 throw input_error(
-                    "E_MISSING_IMAGE: training view '", names[static_cast<std::size_t>(i)],
-                    "' is not in ", (fs::path(options.path) / options.images).string(),
+                    "E_MISSING_IMAGE: training view '", names[i], "' is not in ",
+                    (fs::path(options.path) / options.images).string(),
                     "; copy it there, give its folder with --images, or remove it from the list");
     std::erase_if(split.train, missing);
     std::erase_if(split.test, missing);

@@ -26,6 +26,7 @@ struct PlyGeometry {
     std::vector<Vec3d> positions;
     std::vector<Vec3i> faces;
     std::vector<float> opacity_logits;  // only of splats
+    std::vector<Vec3f> colors;          // only of GLB and OBJ, if wanted; also from a texture
     bool is_splats = false;
 };
 PlyGeometry read_ply_geometry(const std::string& path);

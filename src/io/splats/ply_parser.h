@@ -2,11 +2,8 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <bit>
-#include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,17 +11,31 @@
 #include "core/device/parallel_lists.h"
 #include "core/log.h"
 #include "core/math/vec.h"
+#include "io/files/number_types.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs::ply {
 
-enum class Type { i8, u8, i16, u16, i32, u32, f32, f64 };
-inline constexpr std::size_t kTypeBytes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+static_assert(std::endian::native == std::endian::little);
+
+struct Type {
+    const char *name, *other_name;
+    std::size_t bytes;
+    double (*load)(const char*);
+    bool real = false;
+};
+inline constexpr Type kTypes[] = {{"char", "int8", 1, load_double<std::int8_t>},
+                                  {"uchar", "uint8", 1, load_double<std::uint8_t>},
+                                  {"short", "int16", 2, load_double<std::int16_t>},
+                                  {"ushort", "uint16", 2, load_double<std::uint16_t>},
+                                  {"int", "int32", 4, load_double<std::int32_t>},
+                                  {"uint", "uint32", 4, load_double<std::uint32_t>},
+                                  {"float", "float32", 4, load_double<float>, true},
+                                  {"double", "float64", 8, load_double<double>, true}};
 
 struct Property {
     std::string name;
-    Type type = Type::f32, count_type = Type::u8;
-    bool is_list = false;
+    const Type *type = nullptr, *count_type = nullptr;  // count_type: only of lists
 };
 
 struct Element {
@@ -68,7 +79,7 @@ public:
     void for_rows(const Element& element, const Action& action) {
         const auto read = [&](std::size_t& at, std::vector<double>& row) {
             for (std::size_t i = 0; i < row.size(); ++i)
-                row[i] = get(element.properties[i].type, at);
+                row[i] = get(*element.properties[i].type, at);
         };
         if (ascii_) {
             std::vector<double> row(element.properties.size());
@@ -76,7 +87,7 @@ public:
             return;
         }
         std::size_t bytes = 0;
-        for (const Property& p : element.properties) bytes += kTypeBytes[static_cast<int>(p.type)];
+        for (const Property& p : element.properties) bytes += p.type->bytes;
         for_parts(element.count, [&](std::size_t /*part*/, std::size_t first, std::size_t last) {
             std::vector<double> row(element.properties.size());
             std::size_t at = offset_ + first * bytes;
@@ -90,15 +101,15 @@ public:
     void read_lists(const Element& element, std::vector<double>& values, const OnList& on_list) {
         for (std::size_t i = 0; i < element.properties.size(); ++i) {
             const Property& property = element.properties[i];
-            if (!property.is_list) {
-                get(property.type, offset_);
+            if (!property.count_type) {
+                get(*property.type, offset_);
                 continue;
             }
-            const double count = get(property.count_type, offset_);
+            const double count = get(*property.count_type, offset_);
             if (!(count >= 0 && count <= static_cast<double>(left())))
                 count_error(element, str("a list of ", count, " values"));
             values.resize(static_cast<std::size_t>(count));
-            for (double& value : values) value = get(property.type, offset_);
+            for (double& value : values) value = get(*property.type, offset_);
             on_list(static_cast<int>(i), values);
         }
     }
@@ -108,7 +119,7 @@ public:
     void check_count(const Element& element) const {
         std::uint64_t row = 0;
         for (const Property& p : element.properties)
-            row += ascii_ ? 2 : kTypeBytes[static_cast<int>(p.is_list ? p.count_type : p.type)];
+            row += ascii_ ? 2 : (p.count_type ? p.count_type : p.type)->bytes;
         // The last number of a text file needs no separator.
         if (row > 0 && element.count > (left() + (ascii_ ? 1 : 0)) / row)
             count_error(element, str(element.count, " rows of ", row, " or more bytes"));
@@ -186,25 +197,15 @@ private:
 
     void add_property(std::string_view line, Element& element, int number) const {
         const auto type_of = [&](std::string_view word) {
-            constexpr std::array<std::array<std::string_view, 2>, 8> kNames = {
-                {{"char", "int8"},
-                 {"uchar", "uint8"},
-                 {"short", "int16"},
-                 {"ushort", "uint16"},
-                 {"int", "int32"},
-                 {"uint", "uint32"},
-                 {"float", "float32"},
-                 {"double", "float64"}}};
-            for (std::size_t i = 0; i < kNames.size(); ++i)
-                if (word == kNames[i][0] || word == kNames[i][1]) return static_cast<Type>(i);
+            for (const Type& type : kTypes)
+                if (word == type.name || word == type.other_name) return &type;
             header_error(str("line ", number, ": unknown type '", shown(word), "'"));
         };
         Property property;
         std::string_view word = next_word(line);
-        property.is_list = word == "list";
-        if (property.is_list) {
+        if (word == "list") {
             property.count_type = type_of(next_word(line));
-            if (property.count_type == Type::f32 || property.count_type == Type::f64)
+            if (property.count_type->real)
                 header_error(str("line ", number, ": a list with a floating-point count"));
             word = next_word(line);
         }
@@ -216,19 +217,8 @@ private:
         element.properties.push_back(property);
     }
 
-    template <class T>
-    double get_binary(std::size_t& at) const {
-        if (bytes_.size() - at < sizeof(T)) truncated();
-        std::array<char, sizeof(T)> raw;
-        std::memcpy(raw.data(), &bytes_[at], sizeof(T));
-        if (big_endian_ != (std::endian::native == std::endian::big))
-            std::reverse(raw.begin(), raw.end());
-        at += sizeof(T);
-        return static_cast<double>(std::bit_cast<T>(raw));
-    }
-
     /// Reads the number at byte `at` and moves `at` to the byte after it.
-    double get(Type type, std::size_t& at) const {
+    double get(const Type& type, std::size_t& at) const {
         if (ascii_) {
             std::string_view rest = std::string_view(bytes_).substr(at);
             const std::string_view word = next_word(rest);
@@ -240,25 +230,12 @@ private:
                                   shown(word), "' is not a number");
             return value;
         }
-        switch (type) {
-            case Type::i8:
-                return get_binary<std::int8_t>(at);
-            case Type::u8:
-                return get_binary<std::uint8_t>(at);
-            case Type::i16:
-                return get_binary<std::int16_t>(at);
-            case Type::u16:
-                return get_binary<std::uint16_t>(at);
-            case Type::i32:
-                return get_binary<std::int32_t>(at);
-            case Type::u32:
-                return get_binary<std::uint32_t>(at);
-            case Type::f32:
-                return get_binary<float>(at);
-            case Type::f64:
-                break;
-        }
-        return get_binary<double>(at);
+        if (bytes_.size() - at < type.bytes) truncated();
+        const char* from = &bytes_[at];
+        char raw[sizeof(double)];
+        if (big_endian_) from = raw, std::reverse_copy(&bytes_[at], &bytes_[at] + type.bytes, raw);
+        at += type.bytes;
+        return type.load(from);
     }
 
     [[noreturn]] void truncated() const {

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <limits>
 
 #include "core/grouped.h"
@@ -17,14 +16,13 @@ namespace {
 using ply::Element;
 using ply::PlyReader;
 using ply::Property;
-using ply::Type;
 
 constexpr float kSh0 = 0.28209479177387814f;  // the constant spherical harmonic
 
 /// Checks the vertex element before its rows are read.
 void check_vertices(const PlyReader& in, const Element& vertex) {
     for (const Property& property : vertex.properties)
-        if (property.is_list)
+        if (property.count_type)
             in.header_error(str("a list, '", shown(property.name), "', in the vertex element"));
     if (!vertex.has({"x", "y", "z"})) in.header_error("the vertex element has no x, y and z");
     in.check_count(vertex);
@@ -38,52 +36,37 @@ const Element& vertex_element(const PlyReader& in) {
     in.header_error("no vertex element");
 }
 
-Vec3f pick(const std::vector<double>& row, const std::array<int, 3>& columns) {
-    Vec3f v;
-    for (int c = 0; c < 3; ++c)
-        v[c] =
-            static_cast<float>(row[static_cast<std::size_t>(columns[static_cast<std::size_t>(c)])]);
-    return v;
+Vec3d pick(const std::vector<double>& row, Vec3i columns) {
+    const auto at = [&](int column) { return row[column]; };
+    return {at(columns.x), at(columns.y), at(columns.z)};
 }
 
-/// A position relative to `origin`.
-Vec3f pick_position(const std::vector<double>& row,
-                    const std::array<int, 3>& columns,
-                    Vec3d origin) {
-    Vec3d v;
-    for (int c = 0; c < 3; ++c)
-        v[c] = row[static_cast<std::size_t>(columns[static_cast<std::size_t>(c)])] - origin[c];
-    return vec_cast<float>(v);
+Vec3i columns_of(const Element& vertex, const std::array<const char*, 3>& names) {
+    return {vertex.find(names[0]), vertex.find(names[1]), vertex.find(names[2])};
 }
 
-Vec3f clamped_color(Vec3f color, float scale) {
-    for (int c = 0; c < 3; ++c) {
-        const float value = color[c] * scale;
-        color[c] = value > 0 ? std::min(value, 1.0f) : 0;  // NaN becomes 0
-    }
+/// NaN becomes 0.
+Vec3f clamped_color(Vec3f color) {
+    for (int c = 0; c < 3; ++c) color[c] = color[c] > 0 ? std::min(color[c], 1.0f) : 0;
     return color;
 }
 
 void read_cloud(PlyReader& in, const Element& vertex, Vec3d origin, PlyContents& out) {
-    check_vertices(in, vertex);
-    const std::array<int, 3> xyz{vertex.find("x"), vertex.find("y"), vertex.find("z")};
-    const std::array<int, 3> normal{vertex.find({"nx", "normal_x"}),
-                                    vertex.find({"ny", "normal_y"}),
-                                    vertex.find({"nz", "normal_z"})};
-    std::array<int, 3> color{vertex.find({"red", "r", "diffuse_red"}),
-                             vertex.find({"green", "g", "diffuse_green"}),
-                             vertex.find({"blue", "b", "diffuse_blue"})};
+    const Vec3i xyz = columns_of(vertex, {"x", "y", "z"});
+    const Vec3i normal{vertex.find({"nx", "normal_x"}), vertex.find({"ny", "normal_y"}),
+                       vertex.find({"nz", "normal_z"})};
+    Vec3i color{vertex.find({"red", "r", "diffuse_red"}),
+                vertex.find({"green", "g", "diffuse_green"}),
+                vertex.find({"blue", "b", "diffuse_blue"})};
     const int weight = vertex.find({"confidence", "weight"});
     out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
-    const auto complete = [](const std::array<int, 3>& columns) {
-        return *std::min_element(columns.begin(), columns.end()) >= 0;
-    };
+    const auto complete = [](Vec3i c) { return std::min({c.x, c.y, c.z}) >= 0; };
     float scale = 1, offset = 0;
     if (complete(color)) {
-        const Type type = vertex.properties[static_cast<std::size_t>(color[0])].type;
-        scale = type == Type::u8 ? 1.0f / 255 : type == Type::u16 ? 1.0f / 65535 : 1.0f;
+        const std::string_view type = vertex.properties[color.x].type->name;
+        scale = type == "uchar" ? 1.0f / 255 : type == "ushort" ? 1.0f / 65535 : 1.0f;
     } else if (vertex.has({"f_dc_0", "f_dc_1", "f_dc_2"})) {
-        color = {vertex.find("f_dc_0"), vertex.find("f_dc_1"), vertex.find("f_dc_2")};
+        color = columns_of(vertex, {"f_dc_0", "f_dc_1", "f_dc_2"});
         scale = kSh0, offset = 0.5f;
     }
     const auto count = static_cast<std::size_t>(vertex.count);
@@ -95,13 +78,12 @@ void read_cloud(PlyReader& in, const Element& vertex, Vec3d origin, PlyContents&
     if (weight >= 0) points.confidences.resize(count);
     if (has_colors) points.colors.resize(count);
     in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
-        points.positions[i] = pick_position(row, xyz, origin);
-        if (has_normals) points.normals[i] = normalize(pick(row, normal));
-        if (weight >= 0)
-            points.confidences[i] = static_cast<float>(row[static_cast<std::size_t>(weight)]);
+        points.positions[i] = vec_cast<float>(pick(row, xyz) - origin);
+        if (has_normals) points.normals[i] = normalize(vec_cast<float>(pick(row, normal)));
+        if (weight >= 0) points.confidences[i] = static_cast<float>(row[weight]);
         if (has_colors)
-            points.colors[i] =
-                clamped_color(scale * pick(row, color) + Vec3f{offset, offset, offset}, 1);
+            points.colors[i] = clamped_color(scale * vec_cast<float>(pick(row, color)) +
+                                             Vec3f{offset, offset, offset});
     });
 }
 
@@ -112,7 +94,7 @@ void read_faces(PlyReader& in,
                 std::vector<Vec3i>& faces) {
     in.check_count(face);
     const int indices = face.find({"vertex_indices", "vertex_index"});
-    if (indices < 0 || !face.properties[static_cast<std::size_t>(indices)].is_list)
+    if (indices < 0 || !face.properties[indices].count_type)
         in.header_error("the face element has no list vertex_indices");
     std::vector<double> values;
     for (std::uint64_t i = 0; i < face.count; ++i)
@@ -128,9 +110,27 @@ void read_faces(PlyReader& in,
         });
 }
 
+/// Reads the faces, and calls on_vertices(in, element) in the order of the file.
+template <class OnVertices>
+void read_elements(const std::string& path,
+                   std::vector<Vec3i>& faces,
+                   const OnVertices& on_vertices) {
+    PlyReader in(path);
+    const Element& vertex = vertex_element(in);
+    for (const Element& element : in.elements()) {
+        if (&element == &vertex)
+            check_vertices(in, vertex), on_vertices(in, vertex);
+        else if (element.name == "face")
+            read_faces(in, element, static_cast<double>(vertex.count), faces);
+        else
+            in.skip(element);
+    }
+    in.finish();
+}
+
 /// Columns of a splat's properties in the vertex element.
 struct SplatColumns {
-    std::array<int, 3> mean, scale, dc;
+    Vec3i mean, scale, dc;
     std::array<int, 4> rot;
     std::vector<int> rest;  // [3 (K - 1)], channel major, as in the file
     int opacity, filter, file_coefficients;
@@ -144,9 +144,9 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
                           ": not splats, as opacity, scale_*, rot_* or f_dc_* is missing; for a "
                           "cloud use --init-ply");
     SplatColumns c;
-    c.mean = {vertex.find("x"), vertex.find("y"), vertex.find("z")};
-    c.scale = {vertex.find("scale_0"), vertex.find("scale_1"), vertex.find("scale_2")};
-    c.dc = {vertex.find("f_dc_0"), vertex.find("f_dc_1"), vertex.find("f_dc_2")};
+    c.mean = columns_of(vertex, {"x", "y", "z"});
+    c.scale = columns_of(vertex, {"scale_0", "scale_1", "scale_2"});
+    c.dc = columns_of(vertex, {"f_dc_0", "f_dc_1", "f_dc_2"});
     c.rot = {vertex.find("rot_0"), vertex.find("rot_1"), vertex.find("rot_2"),
              vertex.find("rot_3")};
     c.opacity = vertex.find("opacity"), c.filter = vertex.find("filter_3D");
@@ -169,57 +169,32 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
 }  // namespace
 
 PlyContents read_ply(const std::string& path, Vec3d origin) {
-    PlyReader in(path);
-    const Element& vertex = vertex_element(in);
-    PlyContents contents;
-    for (const Element& element : in.elements()) {
-        if (&element == &vertex)
-            read_cloud(in, element, origin, contents);
-        else if (element.name == "face")
-            read_faces(in, element, static_cast<double>(vertex.count), contents.faces);
-        else
-            in.skip(element);
-    }
-    in.finish();
-    return contents;
+    PlyContents out;
+    read_elements(path, out.faces, [&](PlyReader& in, const Element& vertex) {
+        read_cloud(in, vertex, origin, out);
+    });
+    return out;
 }
 
 PlyGeometry read_ply_geometry(const std::string& path) {
-    PlyReader in(path);
-    const Element& vertex = vertex_element(in);
     PlyGeometry out;
-    for (const Element& element : in.elements()) {
-        if (&element == &vertex) {
-            check_vertices(in, vertex);
-            out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
-            const auto column = [&](std::string_view name) {
-                return static_cast<std::size_t>(vertex.find(name));
-            };
-            const std::size_t x = column("x"), y = column("y"), z = column("z"),
-                              opacity = column("opacity");
-            out.positions.resize(static_cast<std::size_t>(vertex.count));
-            if (out.is_splats) out.opacity_logits.resize(out.positions.size());
-            in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
-                out.positions[i] = {row[x], row[y], row[z]};
-                if (out.is_splats) out.opacity_logits[i] = static_cast<float>(row[opacity]);
-            });
-        } else if (element.name == "face") {
-            read_faces(in, element, static_cast<double>(vertex.count), out.faces);
-        } else {
-            in.skip(element);
-        }
-    }
-    in.finish();
+    read_elements(path, out.faces, [&](PlyReader& in, const Element& vertex) {
+        out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
+        const Vec3i xyz = columns_of(vertex, {"x", "y", "z"});
+        const auto opacity = static_cast<std::size_t>(vertex.find("opacity"));
+        out.positions.resize(static_cast<std::size_t>(vertex.count));
+        if (out.is_splats) out.opacity_logits.resize(out.positions.size());
+        in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+            out.positions[i] = pick(row, xyz);
+            if (out.is_splats) out.opacity_logits[i] = static_cast<float>(row[opacity]);
+        });
+    });
     return out;
 }
 
 PlyScales read_ply_scales(const std::string& path) {
-    require_regular_file(path);
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw input_error(path, ": cannot open it");
     std::string header(PlyReader::kMaxHeader, '\0');
-    file.read(header.data(), static_cast<std::streamsize>(header.size()));
-    header.resize(static_cast<std::size_t>(file.gcount()));
+    header.resize(std::fread(header.data(), 1, header.size(), open_file(path).get()));
     const PlyReader in(path, std::move(header));
     const Element& vertex = vertex_element(in);
     return vertex.find("scale_0") >= 0 && vertex.find("scale_2") < 0 ? PlyScales::two
@@ -231,7 +206,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
     const Element& vertex = vertex_element(in);
     check_vertices(in, vertex);
     const SplatColumns columns = splat_columns(in, vertex);
-    const bool flat = columns.scale[2] < 0;
+    const bool flat = columns.scale.z < 0;
     if (scales) *scales = flat ? PlyScales::two : PlyScales::three;
     for (const Element& element : in.elements()) {
         if (&element == &vertex) break;
@@ -245,13 +220,11 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
     resize(out, static_cast<int>(rows), columns.sh_degree);
     std::vector<char> usable(rows), activated(rows);
     in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
-        const auto value = [&](int column) {
-            return static_cast<float>(row[static_cast<std::size_t>(column)]);
-        };
-        Vec3f log_scale{value(columns.scale[0]), value(columns.scale[1]), 0};
+        const auto value = [&](int column) { return static_cast<float>(row[column]); };
+        Vec3f log_scale{value(columns.scale.x), value(columns.scale.y), 0};
         // Discs have no third scale, and a scale of zero has no finite logarithm. Both become a
         // millionth of the largest scale.
-        if (!flat) log_scale.z = value(columns.scale[2]);
+        if (!flat) log_scale.z = value(columns.scale.z);
         const float thin = std::max({log_scale.x, log_scale.y, flat ? log_scale.x : log_scale.z}) +
                            std::log(1e-6f);
         if (flat) log_scale.z = thin;
@@ -263,8 +236,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         activated[i] = opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
         if (columns.filter >= 0) {
             // Applies mip-splatting's 3D filter: larger scales, lower opacity.  [Yu24]
-            const auto smooth = smoothed(vec_cast<double>(log_scale),
-                                         row[static_cast<std::size_t>(columns.filter)]);
+            const auto smooth = smoothed(vec_cast<double>(log_scale), row[columns.filter]);
             for (int c = 0; c < 3; ++c)
                 log_scale[c] = static_cast<float>(std::log(smooth.scales[c]));
             const double alpha = smooth.dimming / (1 + std::exp(-double{opacity}));
@@ -272,17 +244,14 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         }
         const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),
                          value(columns.rot[3])};
-        const Vec3f mean = pick_position(row, columns.mean, origin);
+        const auto mean = vec_cast<float>(pick(row, columns.mean) - origin);
         bool finite = is_finite(mean) && is_finite(log_scale) && std::isfinite(opacity);
         finite = finite && is_finite(Vec3f{quat.x, quat.y, quat.z}) && std::isfinite(quat.w);
         for (std::size_t k = 0; k < per_splat; ++k) {
             Vec3f coefficient;
-            for (std::size_t c = 0; c < 3; ++c) {
-                const std::size_t rest =
-                    c * static_cast<std::size_t>(columns.file_coefficients) + k - 1;
-                coefficient[static_cast<int>(c)] =
-                    value(k == 0 ? columns.dc[c] : columns.rest[rest]);
-            }
+            for (int c = 0; c < 3; ++c)
+                coefficient[c] = value(
+                    k == 0 ? columns.dc[c] : columns.rest[c * columns.file_coefficients + k - 1]);
             finite = finite && is_finite(coefficient);
             out.sh[k * rows + i] = coefficient;
         }

@@ -78,23 +78,6 @@ std::string header(std::size_t count,
 constexpr const char* kNormals = "property float nx\nproperty float ny\nproperty float nz\n";
 constexpr const char* kColors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
 
-void check_finite(const std::string& path, const std::vector<Vec3f>& values, const char* what) {
-    for (std::size_t i = 0; i < values.size(); ++i)
-        if (!is_finite(values[i]))
-            throw Error(ExitCode::numerical,
-                        str(path, ": not written: ", what, " ", i, " is (", values[i].x, ", ",
-                            values[i].y, ", ", values[i].z, "); expected finite numbers"));
-}
-
-void check_size(const std::string& path,
-                std::size_t found,
-                std::size_t expected,
-                const char* what) {
-    if (found != 0 && found != expected)
-        throw Error(ExitCode::internal, str(path, ": not written: ", found, " ", what, " for ",
-                                            expected, " positions"));
-}
-
 }  // namespace
 
 void write_splat_ply(const std::string& path,
@@ -125,15 +108,14 @@ void write_splat_ply(const std::string& path,
         auto to = row.begin();
         const auto put3 = [&](Vec3f v) { to = std::copy_n(&v.x, 3, to); };
         if (!is_finite(g.means[i]))
-            throw Error(ExitCode::numerical,
-                        str(path, ": not written: the centre of splat ", i, " is (", g.means[i].x,
-                            ", ", g.means[i].y, ", ", g.means[i].z, "); expected finite numbers"));
+            throw Error(ExitCode::numerical, path, ": not written: the centre of splat ", i,
+                        " is (", g.means[i].x, ", ", g.means[i].y, ", ", g.means[i].z,
+                        "); expected finite numbers");
         out.put_position(g.means[i], origin);
         put3({});  // normals
         put3(g.sh[i]);
         for (int c = 0; c < 3; ++c)  // channel major
-            for (int k = 1; k <= rest; ++k)
-                *to++ = g.sh[static_cast<std::size_t>(k) * count + i][c];
+            for (int k = 1; k <= rest; ++k) *to++ = g.sh[k * count + i][c];
         *to++ = g.opacity_logits[i];
         to = std::copy_n(&g.log_scales[i].x, scale_count, to);
         const Quatf q = g.quats[i];
@@ -141,9 +123,8 @@ void write_splat_ply(const std::string& path,
         if (!g.filter.empty()) *to++ = g.filter[i];
         for (std::size_t p = 0; p < row.size(); ++p) {
             if (!std::isfinite(row[p]))
-                throw Error(ExitCode::numerical,
-                            str(path, ": not written: ", names[p], " of splat ", i, " is ", row[p],
-                                "; expected a finite number"));
+                throw Error(ExitCode::numerical, path, ": not written: ", names[p], " of splat ", i,
+                            " is ", row[p], "; expected a finite number");
             out.put(row[p]);
         }
     }

@@ -9,13 +9,6 @@
 
 namespace tvsgs {
 
-/// Options of sog_bytes().
-struct SogOptions {
-    SplatFrame frame = SplatFrame::rdf;  // of the file; PLY's frame, as in PlayCanvas's tools
-    int palette = 0;  // maximum number of SH palette entries, up to 65536; 0: as PlayCanvas's tools
-    bool antialiased = false;  // marks opacities as of a renderer that keeps a splat's mass
-};
-
 /// The bytes of a file with all splats in order. A spatial order makes the images smaller. Does not
 /// depend on the number of threads. Positions have 16 bits per axis on a scale that is finer near
 /// zero; rotations have errors below one degree; scales, colours and the SH palette use fitted
@@ -23,7 +16,7 @@ struct SogOptions {
 /// Error(ExitCode::input) for no splats or more than the images can hold.
 std::string sog_bytes(const std::string& path,
                       const Gaussians<Cpu>& gaussians,
-                      const SogOptions& options = {});
+                      const SplatFileOptions& options = {});
 
 /// Reads version 2. Throws Error(ExitCode::input) before it allocates more memory than the size of
 /// the file justifies. Opacities of 0 and 1 get logits of -30 and 30.

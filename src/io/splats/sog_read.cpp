@@ -4,6 +4,7 @@
 #include "core/device/parallel.h"
 #include "io/files/json_file.h"
 #include "io/files/zip_archive.h"
+#include "io/images/image_file.h"
 #include "io/images/webp.h"
 #include "io/splats/codebook.h"
 #include "io/splats/sog.h"
@@ -33,11 +34,7 @@ public:
                  });
         const auto found = files_.find(sog::kMetaName);
         if (found == files_.end()) fail("no ", sog::kMetaName, "; is it a SOG file?");
-        const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
-            check_json_depth(depth, path_);
-            return true;
-        };
-        meta_ = json::parse(found->second, limit_depth, /*allow_exceptions=*/false);
+        meta_ = parse_json(found->second, path_);
         if (!meta_.is_object()) fail(sog::kMetaName, " is damaged");
         if (const std::int64_t version = whole(meta_, "version", 1); version != sog::kVersion)
             fail("SOG version ", version, "; expected ", sog::kVersion);
@@ -122,18 +119,17 @@ private:
     std::string where_of(const std::string& name) const { return str(path_, ": ", shown(name)); }
     ImageU8 picture(const json& part, std::size_t at, std::int64_t least) const {
         const auto& [name, bytes] = encoded(part, at, least);
-        return decode_webp(bytes, where_of(name), 2 * least + (1 << 16));
+        return decode_image(where_of(name), bytes, 4, 2 * least + (1 << 16));
     }
 
     void read_means(Gaussians<Cpu>& g, const HalfTurn& turn) const {
         const json& part = member(meta_, "means");
         const std::vector<float> mins = numbers(part, "mins", 3), maxs = numbers(part, "maxs", 3);
         const ImageU8 low = picture(part, 0, count_), high = picture(part, 1, count_);
-        parallel_for(Cpu{}, g.size(), [&](int index) {
-            const auto i = static_cast<std::size_t>(index);
+        parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
             Vec3f p;
-            for (std::size_t c = 0; c < 3; ++c)
-                p[static_cast<int>(c)] = static_cast<float>(
+            for (int c = 0; c < 3; ++c)
+                p[c] = static_cast<float>(
                     sog::unpack_position(low.pixels[4 * i + c] | high.pixels[4 * i + c] << 8,
                                          double{mins[c]}, double{maxs[c]}));
             g.means[i] = turn(p);
@@ -145,11 +141,10 @@ private:
         const Codebook scale_codes = codebook(scales), color_codes = codebook(colors);
         const ImageU8 scale = picture(scales, 0, count_), color = picture(colors, 0, count_),
                       quat = picture(member(meta_, "quats"), 0, count_);
-        parallel_for(Cpu{}, g.size(), [&](int index) {
-            const auto i = static_cast<std::size_t>(index);
-            for (std::size_t c = 0; c < 3; ++c) {
-                g.log_scales[i][static_cast<int>(c)] = scale_codes[scale.pixels[4 * i + c]];
-                g.sh[i][static_cast<int>(c)] = color_codes[color.pixels[4 * i + c]];
+        parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
+            for (int c = 0; c < 3; ++c) {
+                g.log_scales[i][c] = scale_codes[scale.pixels[4 * i + c]];
+                g.sh[i][c] = color_codes[color.pixels[4 * i + c]];
             }
             g.opacity_logits[i] = logit(static_cast<float>(color.pixels[4 * i + 3]) / 255);
             g.quats[i] = turn(sog::unpack_quat(&quat.pixels[4 * i]));
@@ -161,25 +156,23 @@ private:
         if (palette < 1 || palette > sog::kMaxPalette)
             fail("shN: a palette of ", palette, "; expected 1 to ", sog::kMaxPalette);
         const Codebook codes = codebook(part);
-        const auto rest = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
+        const int rest = sh_count(g.sh_degree) - 1;
         constexpr int kColumns = sog::kPaletteColumns;
         const std::int64_t rows = (palette + kColumns - 1) / kColumns;
-        const ImageU8 centroids =
-            picture(part, 0, rows * kColumns * static_cast<std::int64_t>(rest));
-        if (centroids.width != kColumns * static_cast<int>(rest))
+        const ImageU8 centroids = picture(part, 0, rows * kColumns * rest);
+        if (centroids.width != kColumns * rest)
             fail("shN: centroids in a picture ", centroids.width, " wide; expected ",
                  kColumns * rest);
         const ImageU8 labels = picture(part, 1, count_);
         const auto count = static_cast<std::size_t>(count_);
-        parallel_for(Cpu{}, g.size(), [&](int index) {
-            const auto i = static_cast<std::size_t>(index);
+        parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
             const std::size_t label =
                 std::min<std::size_t>(labels.pixels[4 * i] + 256u * labels.pixels[4 * i + 1],
                                       static_cast<std::size_t>(palette) - 1);
-            for (std::size_t k = 0; k < rest; ++k)
-                for (std::size_t c = 0; c < 3; ++c)
-                    g.sh[(k + 1) * count + i][static_cast<int>(c)] =
-                        turn.of_coefficient(static_cast<int>(k) + 1) *
+            for (int k = 0; k < rest; ++k)
+                for (int c = 0; c < 3; ++c)
+                    g.sh[(k + 1) * count + i][c] =
+                        turn.of_coefficient(k + 1) *
                         codes[centroids.pixels[4 * (label * rest + k) + c]];
         });
     }

@@ -11,7 +11,6 @@
 #include "io/files/zip_archive.h"
 #include "io/images/webp.h"
 #include "io/splats/codebook.h"
-#include "io/splats/sh_palette.h"
 #include "io/splats/sog.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_checks.h"
@@ -41,8 +40,7 @@ Means means_of(const Gaussians<Cpu>& g, const HalfTurn& turn, const ImageU8& bla
             const auto t = static_cast<float>(sog::to_log(double{turn(mean)[c]}));
             out.mins[c] = std::min(out.mins[c], t), out.maxs[c] = std::max(out.maxs[c], t);
         }
-    parallel_for(Cpu{}, g.size(), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
+    parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
         const Vec3f p = turn(g.means[i]);
         for (int c = 0; c < 3; ++c) {
             const std::uint16_t u = sog::pack_position(sog::to_log(double{p[c]}),
@@ -89,37 +87,36 @@ ShImages sh_images_of(const Gaussians<Cpu>& g,
                       const HalfTurn& turn,
                       int most,
                       const ImageU8& blank) {
-    const std::size_t count = g.means.size(),
-                      rest = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
+    const std::size_t count = g.means.size();
+    const int rest = sh_count(g.sh_degree) - 1;
     std::vector<float> vectors(3 * rest * count);
-    parallel_for(Cpu{}, g.size(), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
-        for (std::size_t k = 0; k < rest; ++k)
+    parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
+        for (int k = 0; k < rest; ++k)
             for (int c = 0; c < 3; ++c)
-                vectors[3 * (i * rest + k) + static_cast<std::size_t>(c)] =
-                    turn.of_coefficient(static_cast<int>(k) + 1) * g.sh[(k + 1) * count + i][c];
+                vectors[3 * (i * rest + k) + c] =
+                    turn.of_coefficient(k + 1) * g.sh[(k + 1) * count + i][c];
     });
-    const ShPalette palette = make_sh_palette(vectors, static_cast<int>(3 * rest), most);
+    const ShPalette palette = make_sh_palette(vectors, 3 * rest, most);
     ShImages out{blank, {}, make_codebook(palette.centres), palette.count};
-    parallel_for(Cpu{}, g.size(), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
+    parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
         std::uint8_t* const to = pixel(out.labels, i);
         to[0] = static_cast<std::uint8_t>(palette.labels[i] & 255);
         to[1] = static_cast<std::uint8_t>(palette.labels[i] >> 8);
         to[2] = 0, to[3] = 255;
     });
     constexpr int kColumns = sog::kPaletteColumns;
-    out.centroids = ImageU8(kColumns * static_cast<int>(rest),
-                            (palette.count + kColumns - 1) / kColumns, 4, 255);
-    for (std::size_t at = 0; at < static_cast<std::size_t>(palette.count) * rest; ++at)
-        for (std::size_t c = 0; c < 3; ++c)  // pixel: centroid at / rest, coefficient at % rest
+    out.centroids = ImageU8(kColumns * rest, (palette.count + kColumns - 1) / kColumns, 4, 255);
+    for (std::size_t at = 0; at < std::size_t(palette.count) * rest; ++at)
+        for (int c = 0; c < 3; ++c)  // pixel: centroid at / rest, coefficient at % rest
             out.centroids.pixels[4 * at + c] = nearest_code(out.codes, palette.centres[3 * at + c]);
     return out;
 }
 
 }  // namespace
 
-std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const SogOptions& options) {
+std::string sog_bytes(const std::string& path,
+                      const Gaussians<Cpu>& g,
+                      const SplatFileOptions& options) {
     require_writable(g, path);
     const std::size_t count = g.means.size();
     if (count == 0) throw input_error(path, ": not written: no splats");
@@ -128,7 +125,7 @@ std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const So
     if (width > kWebpMaxSide)
         throw input_error(path, ": not written: ", grouped(count), " splats: too many (limit ",
                           grouped(16380 * 16380), "); keep fewer with --max-splats");
-    const HalfTurn turn = half_turn(options.frame);
+    const HalfTurn turn = half_turn(options.frame.value_or(SplatFrame::rdf));
     const ImageU8 blank(width, height, 4);
     json meta{{"version", sog::kVersion}, {"asset", {{"generator", kVersion}}}, {"count", count}};
     if (options.antialiased) meta["model"] = "antialiased";
@@ -147,8 +144,7 @@ std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const So
     const Codebook scale_codes = codebook_of(g.log_scales.data(), count),
                    color_codes = codebook_of(g.sh.data(), count, kBrightest);
     ImageU8 scales = blank, quats = blank, colors = blank;
-    parallel_for(Cpu{}, g.size(), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
+    parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
         put_codes(pixel(scales, i), scale_codes, g.log_scales[i]);
         pixel(scales, i)[3] = 255;
         const auto quat = sog::pack_quat(turn(g.quats[i]));
@@ -165,7 +161,7 @@ std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const So
     if (g.sh_degree > 0) {
         const int usual = default_palette_size(count);
         const ShImages sh = sh_images_of(
-            g, turn, options.palette > 0 ? std::min(options.palette, usual) : usual, blank);
+            g, turn, options.sog_palette > 0 ? std::min(options.sog_palette, usual) : usual, blank);
         meta["shN"] = {{"count", sh.count}, {"bands", g.sh_degree}, {"codebook", sh.codes}};
         add(meta["shN"]["files"], "shN_centroids.webp", sh.centroids);
         add(meta["shN"]["files"], "shN_labels.webp", sh.labels);

@@ -39,18 +39,18 @@ void check_splats(const Gaussians<Cpu>& g, const Fail& fail) {
 /// is a filter, which only PLY can store.
 inline void require_writable(const Gaussians<Cpu>& g, const std::string& path) {
     if (!g.filter.empty())
-        throw Error(ExitCode::internal, str(path, ": not written: splats with filters"));
+        throw Error(ExitCode::internal, path, ": not written: splats with filters");
     check_splats(g, [&](const char* what, std::size_t i) {
-        throw Error(ExitCode::numerical, str(path, ": not written: ", what, " of splat ", i,
-                                             " is not finite, or zero; expected finite numbers"));
+        throw Error(ExitCode::numerical, path, ": not written: ", what, " of splat ", i,
+                    " is not finite, or zero; expected finite numbers");
     });
 }
 
 /// Call it after reading. Throws Error(ExitCode::input).
 inline void require_valid(const Gaussians<Cpu>& g, const std::string& path) {
     check_splats(g, [&](const char* what, std::size_t i) {
-        throw Error(ExitCode::input, str(path, ": ", what, " of splat ", i,
-                                         " is not finite, or zero; expected finite numbers"));
+        throw Error(ExitCode::input, path, ": ", what, " of splat ", i,
+                    " is not finite, or zero; expected finite numbers");
     });
 }
 

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <vector>
 
+#include "core/math/quantile.h"
 #include "core/scene/gaussians.h"
 #include "io/splats/splat_checks.h"
 
@@ -48,9 +49,7 @@ inline SplatErrors errors_of(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b) {
         widen(out.opacity, sigmoid(a.opacity_logits[i]) - sigmoid(b.opacity_logits[i]));
     }
     if (count == 0) return out;
-    const auto middle = means.begin() + static_cast<std::ptrdiff_t>(count / 2);
-    std::nth_element(means.begin(), middle, means.end());
-    out.median_mean = *middle, out.mean = *std::max_element(means.begin(), means.end());
+    out.median_mean = middle_of(means), out.mean = *std::max_element(means.begin(), means.end());
     return out;
 }
 

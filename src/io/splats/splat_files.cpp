@@ -3,11 +3,9 @@
 #include <filesystem>
 
 #include "core/error.h"
-#include "core/lower_case.h"
 #include "core/version.h"
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
-#include "io/files/json_vector.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"
@@ -24,15 +22,9 @@ namespace fs = std::filesystem;
 SplatFormat format_of(const std::string& path) {
     const std::optional<SplatFormat> format = splat_format(path);
     if (!format)
-        throw Error(ExitCode::usage,
-                    str(path, ": unknown ending; expected splats in .ply, .spz, .sog or .glb"));
+        throw Error(ExitCode::usage, path,
+                    ": unknown ending; expected splats in .ply, .spz, .sog or .glb");
     return *format;
-}
-
-void write(const std::string& path, const void* bytes, std::size_t size) {
-    AtomicFile file(path);
-    file.write(bytes, size);
-    file.commit();
 }
 
 /// Origin in the scene's axes: added to a position after its rotation from the file's frame.
@@ -49,8 +41,7 @@ std::string origin_json(const SplatFileOptions& options, SplatFrame frame) {
 /// Content of FILE.json if tvsgs wrote it, else nothing.
 std::optional<JsonValue> read_origin_file(const std::string& path) {
     const std::string file = origin_file(path);
-    std::error_code code;
-    if (!fs::is_regular_file(file, code)) return {};
+    if (!is_file(file)) return {};
     JsonValue json = parse_json_value(read_text(file), file);
     if (!json["generator"].text_or("").starts_with("tvsgs ")) return {};
     return json;
@@ -83,12 +74,6 @@ std::optional<SplatFormat> splat_format(const std::string& path) {
     return std::nullopt;
 }
 
-SplatFrame default_frame(SplatFormat format) {
-    return format == SplatFormat::spz   ? SplatFrame::rub
-           : format == SplatFormat::glb ? SplatFrame::luf
-                                        : SplatFrame::rdf;
-}
-
 const char* frame_name(SplatFrame frame) {
     return frame == SplatFrame::rdf ? "rdf" : frame == SplatFrame::rub ? "rub" : "luf";
 }
@@ -111,29 +96,20 @@ std::uintmax_t write_splat_file(const std::string& path,
                         /*signature=*/true, options.projection);
         return fs::file_size(path);
     }
-    std::uintmax_t size = 0;
-    if (format == SplatFormat::spz) {
-        SpzOptions how;
-        how.version = options.spz_version, how.frame = frame;
-        how.antialiased = options.antialiased;
-        how.sh_bits_1 = options.spz_sh_bits_1, how.sh_bits_rest = options.spz_sh_bits_rest;
-        const std::vector<std::uint8_t> bytes = spz_bytes(g, how, path);
-        put_origin_file(path, options, frame);
-        write(path, bytes.data(), size = bytes.size());
-    } else if (format == SplatFormat::sog) {
-        const std::string bytes =
-            sog_bytes(path, g, {frame, options.sog_palette, options.antialiased});
-        put_origin_file(path, options, frame);
-        write(path, bytes.data(), size = bytes.size());
+    std::string bytes;
+    if (format == SplatFormat::glb) {
+        bytes = splat_glb_bytes(path, g, options);
     } else {
-        SplatGlbOptions how;
-        how.frame = frame, how.origin = options.origin, how.projection = options.projection;
-        how.antialiased = options.antialiased;
-        if (options.upright_from_scene) how.upright_from_scene = *options.upright_from_scene;
-        const std::string bytes = splat_glb_bytes(path, g, how);
-        write(path, bytes.data(), size = bytes.size());
+        if (format == SplatFormat::spz) {
+            const std::vector<std::uint8_t> packed = spz_bytes(g, options, path);
+            bytes.assign(packed.begin(), packed.end());
+        } else {
+            bytes = sog_bytes(path, g, options);
+        }
+        put_origin_file(path, options, frame);
     }
-    return size;
+    write_text_file(path, bytes);
+    return bytes.size();
 }
 
 SplatPlace read_splat_place(const std::string& path) {

@@ -1,6 +1,7 @@
-// Coordinate frames of splat formats, and rotations between them.
+// Options of all writers of splats; coordinate frames of the formats, and rotations between them.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "core/math/vec.h"
@@ -12,6 +13,37 @@ namespace tvsgs {
 /// is rdf: right, down, forward. OpenGL and SPZ use rub: right, up, back. glTF uses luf: left, up,
 /// forward.
 enum class SplatFrame { rdf, rub, luf };
+
+enum class SplatFormat { ply, spz, sog, glb };
+
+/// The frame that readers of the format expect: RDF for PLY and SOG, RUB for SPZ, LUF for GLB.
+inline SplatFrame default_frame(SplatFormat format) {
+    return format == SplatFormat::spz   ? SplatFrame::rub
+           : format == SplatFormat::glb ? SplatFrame::luf
+                                        : SplatFrame::rdf;
+}
+
+/// Options of write_splat_file() and of the writers of single formats.
+struct SplatFileOptions {
+    std::optional<SplatFrame> frame{};  // of the file; default: default_frame()
+    /// 2: rotations of 3 bytes, error up to 12 degrees. 3: rotations of 4 bytes, error up to 0.27
+    /// degrees. 4: the same numbers, compressed by zstd instead of gzip.
+    int spz_version = 3;
+    /// Bits of SH coefficients, 1 to 8: of degree 1, and of degrees 2 and 3. 5 and 4 make small
+    /// files; 8 is accurate.
+    int spz_sh_bits_1 = 5, spz_sh_bits_rest = 4;
+    int sog_palette = 0;  // most entries of the SH palette, up to 65536; 0: as PlayCanvas's tools
+    /// SPZ, SOG and GLB: marks opacities as of a renderer that keeps a splat's mass.
+    bool antialiased = false;
+    /// Origin of the splats' frame in the scene's frame. PLY adds it to positions, in double. GLB
+    /// stores it in the file, SPZ and SOG in FILE.json beside the file, because viewers use floats.
+    Vec3d origin{};
+    /// Projection of the scene's frame; stored like the origin, in PLY as a comment. Empty: none.
+    std::string projection{};
+    /// GLB: rotation that turns the scene upright (+y up). The file's node gets the part that
+    /// `frame` does not cover. By default y points down.
+    Mat3<double> upright_from_scene{{{-1, 0, 0}, {0, -1, 0}, {0, 0, 1}}};
+};
 
 /// Place of the splats of a file: the origin of their frame in the scene's frame, and the
 /// projection of that one; empty: none.

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/device/parallel.h"
-#include "core/version.h"
 #include "io/mesh/glb_chunk.h"
 #include "io/mesh/glb_document.h"
 #include "io/splats/splat_checks.h"
@@ -30,15 +29,13 @@ template <class Fn>
 void for_each_coefficient(int sh_degree, const Fn& fn) {
     int k = 0;
     for (int l = 0; l <= sh_degree; ++l)
-        for (int n = 0; n <= 2 * l; ++n)
-            fn(attribute(str("SH_DEGREE_", l, "_COEF_", n)), static_cast<std::size_t>(k++));
+        for (int n = 0; n <= 2 * l; ++n) fn(attribute(str("SH_DEGREE_", l, "_COEF_", n)), k++);
 }
 
 /// Rotation of the file's node: the scene's upright rotation without the part that the frame
 /// covers.
-Mat3<double> turn_of_node(const SplatGlbOptions& options) {
+Mat3<double> turn_of_node(const SplatFileOptions& options, const HalfTurn& turn) {
     Mat3<double> out = options.upright_from_scene;
-    const HalfTurn turn = half_turn(options.frame);
     for (int row = 0; row < 3; ++row)
         for (int c = 0; c < 3; ++c) out[row][c] = out[row][c] * double{turn.signs[c]} + 0.0;
     return out;
@@ -82,8 +79,7 @@ public:
 
         Gaussians<Cpu> g;
         resize(g, static_cast<int>(count), degree);
-        parallel_for(Cpu{}, g.size(), [&](int index) {
-            const auto i = static_cast<std::size_t>(index);
+        parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
             const auto vector = [i](const GlbAccessor& from) {
                 return vec_cast<float>(Vec3d{from.value(i, 0), from.value(i, 1), from.value(i, 2)});
             };
@@ -132,11 +128,11 @@ private:
 
 std::string splat_glb_bytes(const std::string& path,
                             const Gaussians<Cpu>& g,
-                            const SplatGlbOptions& options) {
+                            const SplatFileOptions& options) {
     require_writable(g, path);
     const std::size_t count = g.means.size();
     if (count == 0) throw input_error(path, ": not written: no splats");
-    const HalfTurn turn = half_turn(options.frame);
+    const HalfTurn turn = half_turn(options.frame.value_or(SplatFrame::luf));
     glb::Chunk chunk;
     json attributes;
     const auto add = [&](const std::string& name, const char* type, const auto& put_splat) {
@@ -170,28 +166,15 @@ std::string splat_glb_bytes(const std::string& path,
         chunk.add_accessor(chunk.add_view(begin, glb::kVertexTarget), glb::u16, "VEC4", count);
     chunk.accessors.back()["normalized"] = true;
 
-    const Vec3d o = options.origin;
-    json doc{{"asset",
-              {{"version", "2.0"},
-               {"generator", kVersion},
-               {"extras",
-                {{"origin", {o.x, o.y, o.z}},
-                 {"splats", count},
-                 {"low_pass_px2", kLowPassPx2},
-                 {"antialiased", options.antialiased}}}}},
-             {"scene", 0},
-             {"extensionsUsed", list_of(kExtension)}};
-    if (!options.projection.empty()) doc["asset"]["extras"]["projection"] = options.projection;
+    json doc = glb::document(kExtension, options.origin, options.projection, "splats", count);
+    doc["asset"]["extras"]["low_pass_px2"] = kLowPassPx2;
+    doc["asset"]["extras"]["antialiased"] = options.antialiased;
     json primitive{{"attributes", std::move(attributes)}, {"mode", glb::kPoints}};
     primitive["extensions"][kExtension] = {{"kernel", "ellipse"},
                                            {"colorSpace", "srgb_rec709_display"},
                                            {"projection", "perspective"},
                                            {"sortingMethod", "cameraDistance"}};
-    doc["meshes"] = list_of({{"primitives", list_of(std::move(primitive))}});
-    json node{{"mesh", 0}, {"name", "splats"}};
-    glb::set_turn(node, turn_of_node(options));
-    doc["nodes"] = list_of(std::move(node));
-    doc["scenes"] = list_of({{"nodes", list_of(0)}});
+    glb::add_scene(doc, "splats", list_of(std::move(primitive)), turn_of_node(options, turn));
     return glb::file_bytes(path, doc, chunk, "write a .spz, or keep fewer with --max-splats");
 }
 

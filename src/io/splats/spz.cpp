@@ -1,6 +1,7 @@
 #include "io/splats/spz.h"
 
 #include <zlib.h>
+#include <zstd.h>
 
 #include <bit>
 #include <cstring>
@@ -10,9 +11,7 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/version.h"
-#include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
-#include "io/files/zstd.h"
 #include "io/splats/splat_checks.h"
 #include "io/splats/spz_math.h"
 
@@ -44,9 +43,7 @@ struct Layout {
     std::size_t rotation_bytes;
 
     explicit Layout(const Header& h)
-        : count(h.count),
-          rest(static_cast<std::size_t>(sh_count(h.degree) - 1)),
-          rotation_bytes(h.version == 2 ? 3 : 4) {}
+        : count(h.count), rest(sh_count(h.degree) - 1), rotation_bytes(h.version == 2 ? 3 : 4) {}
     std::size_t means() const { return spz::kHeaderBytes; }
     std::size_t opacities() const { return means() + 9 * count; }
     std::size_t colors() const { return opacities() + count; }
@@ -168,6 +165,33 @@ void finish(Gunzip& gunzip, std::size_t limit, const std::string& name) {
             throw input_error(name, ": more than ", limit, " bytes after its splats");
 }
 
+/// One zstd frame with a checksum. The bytes do not depend on the number of threads.
+std::vector<std::uint8_t> zstd_frame(std::span<const std::uint8_t> bytes) {
+    const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
+                                                                       ZSTD_freeCCtx);
+    if (!context) throw std::bad_alloc();
+    constexpr int kLevel = 12;  // of 1 to 22; higher levels take much longer and gain little
+    ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kLevel);
+    ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
+    std::vector<std::uint8_t> frame(ZSTD_compressBound(bytes.size()));
+    const std::size_t size =
+        ZSTD_compress2(context.get(), frame.data(), frame.size(), bytes.data(), bytes.size());
+    if (ZSTD_isError(size))
+        throw Error(ExitCode::memory, "zstd: packing failed: ", ZSTD_getErrorName(size));
+    frame.resize(size);
+    return frame;
+}
+
+/// Unpacks the frame into all of `out`.
+void read_zstd_frame(std::span<const std::uint8_t> frame,
+                     std::span<std::uint8_t> out,
+                     const std::string& where) {
+    const std::size_t size = ZSTD_decompress(out.data(), out.size(), frame.data(), frame.size());
+    if (ZSTD_isError(size)) throw input_error(where, ": damaged: zstd: ", ZSTD_getErrorName(size));
+    if (size != out.size())
+        throw input_error(where, ": holds ", size, " bytes; expected ", out.size());
+}
+
 constexpr const char* kStreamNames[] = {"positions", "opacities", "colours",
                                         "sizes",     "rotations", "SH coefficients"};
 
@@ -273,14 +297,14 @@ std::vector<std::uint8_t> open_gzip(std::span<const std::uint8_t> file, const st
 }  // namespace
 
 std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
-                                    const SpzOptions& options,
+                                    const SplatFileOptions& options,
                                     const std::string& name) {
     const std::size_t count = g.means.size();
     if (count == 0 || count > spz::kMaxSplats)
         throw input_error(name, ": not written: ", grouped(count), " splats; SPZ holds 1 to ",
                           grouped(spz::kMaxSplats));
-    if (options.version < 2 || options.version > 4)
-        throw Error(ExitCode::internal, str(name, ": not written: version ", options.version));
+    if (options.spz_version < 2 || options.spz_version > 4)
+        throw Error(ExitCode::internal, name, ": not written: version ", options.spz_version);
     require_writable(g, name);
     float largest = 0;
     for (const Vec3f p : g.means.span())
@@ -291,24 +315,22 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
                           spz::kMaxFixed, "); remove far splats with --bbox");
 
     Header h;
-    h.version = static_cast<std::uint32_t>(options.version);
+    h.version = static_cast<std::uint32_t>(options.spz_version);
     h.count = static_cast<std::uint32_t>(count);
     h.degree = static_cast<std::uint8_t>(g.sh_degree);
     h.fractional_bits = static_cast<std::uint8_t>(fraction);
     h.flags = options.antialiased ? kAntialiased : 0;
     const Layout at(h);
-    const HalfTurn turn = half_turn(options.frame);
+    const HalfTurn turn = half_turn(options.frame.value_or(SplatFrame::rub));
     std::vector<std::uint8_t> bytes(at.end());
     std::memcpy(bytes.data(), &h, sizeof h);
-    parallel_for(Cpu{}, static_cast<int>(count), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
+    parallel_for(Cpu{}, static_cast<int>(count), [&](std::size_t i) {
         const auto put3 = [&](std::size_t begin, const auto& pack, Vec3f v) {
-            for (int c = 0; c < 3; ++c) bytes[begin + static_cast<std::size_t>(c)] = pack(v[c]);
+            for (int c = 0; c < 3; ++c) bytes[begin + c] = pack(v[c]);
         };
         const Vec3f p = turn(g.means[i]);
-        for (std::size_t c = 0; c < 3; ++c) {
-            const auto fixed =
-                static_cast<int>(std::round(std::ldexp(p[static_cast<int>(c)], fraction)));
+        for (int c = 0; c < 3; ++c) {
+            const auto fixed = static_cast<int>(std::round(std::ldexp(p[c], fraction)));
             std::memcpy(&bytes[at.means() + 9 * i + 3 * c], &fixed, 3);
         }
         bytes[at.opacities() + i] = spz::pack_opacity(g.opacity_logits[i]);
@@ -316,7 +338,7 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
         put3(at.scales() + 3 * i, spz::pack_log_scale, g.log_scales[i]);
         std::uint8_t* const rotation = &bytes[at.rotations() + at.rotation_bytes * i];
         const Quatf q = turn(g.quats[i]);
-        if (options.version == 2) {
+        if (options.spz_version == 2) {
             const auto packed = spz::pack_first_three(q);
             std::copy(packed.begin(), packed.end(), rotation);
         } else {
@@ -324,21 +346,14 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
             std::memcpy(rotation, &packed, sizeof packed);
         }
         for (std::size_t k = 0; k < at.rest; ++k) {
-            const int bits = k < 3 ? options.sh_bits_1 : options.sh_bits_rest;
+            const int bits = k < 3 ? options.spz_sh_bits_1 : options.spz_sh_bits_rest;
             const float sign = turn.of_coefficient(static_cast<int>(k) + 1);
             put3(
                 at.sh() + 3 * (at.rest * i + k), [bits](float f) { return spz::pack_sh(f, bits); },
                 sign * g.sh[(k + 1) * count + i]);
         }
     });
-    return options.version == 4 ? container(h, bytes) : gzip(bytes);
-}
-
-void write_spz(const std::string& path, const Gaussians<Cpu>& g, const SpzOptions& options) {
-    const std::vector<std::uint8_t> bytes = spz_bytes(g, options, path);
-    AtomicFile file(path);
-    file.write(bytes.data(), bytes.size());
-    file.commit();
+    return options.spz_version == 4 ? container(h, bytes) : gzip(bytes);
 }
 
 SpzContents parse_spz(std::span<const std::uint8_t> file,
@@ -362,19 +377,18 @@ SpzContents parse_spz(std::span<const std::uint8_t> file,
         spdlog::warn("{}: uses SH coefficients up to degree 3, the file has degree {}", name,
                      int{h.degree});
     resize(g, static_cast<int>(h.count), std::min(int{h.degree}, 3));
-    const auto kept = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
+    const int kept = sh_count(g.sh_degree) - 1;
     const HalfTurn turn = half_turn(frame);
-    parallel_for(Cpu{}, g.size(), [&](int index) {
-        const auto i = static_cast<std::size_t>(index);
+    parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
         const auto get3 = [&](std::size_t begin, const auto& unpack) {
             return Vec3f{unpack(bytes[begin]), unpack(bytes[begin + 1]), unpack(bytes[begin + 2])};
         };
         Vec3f p;
-        for (std::size_t c = 0; c < 3; ++c) {
+        for (int c = 0; c < 3; ++c) {
             std::uint32_t fixed = 0;
             std::memcpy(&fixed, &bytes[at.means() + 9 * i + 3 * c], 3);
             const int value = static_cast<int>(fixed << 8) >> 8;  // bit 23 is the sign
-            p[static_cast<int>(c)] = std::ldexp(static_cast<float>(value), -out.fractional_bits);
+            p[c] = std::ldexp(static_cast<float>(value), -out.fractional_bits);
         }
         g.means[i] = turn(p);
         g.opacity_logits[i] = spz::unpack_opacity(bytes[at.opacities() + i]);
@@ -385,9 +399,9 @@ SpzContents parse_spz(std::span<const std::uint8_t> file,
         std::memcpy(&packed, rotation, at.rotation_bytes);
         g.quats[i] = turn(h.version == 2 ? spz::unpack_first_three(rotation)
                                          : spz::unpack_smallest_three(packed));
-        for (std::size_t k = 0; k < kept; ++k)
-            g.sh[(k + 1) * h.count + i] = turn.of_coefficient(static_cast<int>(k) + 1) *
-                                          get3(at.sh() + 3 * (at.rest * i + k), spz::unpack_sh);
+        for (int k = 0; k < kept; ++k)
+            g.sh[(k + 1) * h.count + i] =
+                turn.of_coefficient(k + 1) * get3(at.sh() + 3 * (at.rest * i + k), spz::unpack_sh);
     });
     return out;
 }

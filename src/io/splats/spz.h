@@ -12,18 +12,6 @@
 
 namespace tvsgs {
 
-/// Options of spz_bytes().
-struct SpzOptions {
-    /// 2: rotations of 3 bytes, error up to 12 degrees. 3: rotations of 4 bytes, error up to 0.27
-    /// degrees. 4: the same numbers, compressed by zstd instead of gzip.
-    int version = 3;
-    SplatFrame frame = SplatFrame::rub;  // of the file; SPZ prescribes RUB
-    /// Bits of SH coefficients, 1 to 8: of degree 1, and of degrees 2 and 3. 5 and 4 make small
-    /// files; 8 is accurate.
-    int sh_bits_1 = 5, sh_bits_rest = 4;
-    bool antialiased = false;  // marks opacities as of a renderer that keeps a splat's mass
-};
-
 /// The bytes of a file with all splats in order; `options` rotates them from our frame. Does not
 /// depend on the number of threads. Positions use 24 bits; the farthest one decides how many of
 /// them are fractional, at most 20. docs/guide/exporting.md lists the errors. Clamps scales to
@@ -32,13 +20,8 @@ struct SpzOptions {
 /// splats or a splat farther than 2^23 from zero. Messages contain `name`. Gaussians::filter must
 /// be empty.
 std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& gaussians,
-                                    const SpzOptions& options = {},
+                                    const SplatFileOptions& options = {},
                                     const std::string& name = "SPZ");
-
-/// Writes these bytes to an atomic file.
-void write_spz(const std::string& path,
-               const Gaussians<Cpu>& gaussians,
-               const SpzOptions& options = {});
 
 /// Splats and header of a file.
 struct SpzContents {

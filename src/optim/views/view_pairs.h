@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "core/options.h"
+#include "core/scene/camera.h"
 #include "core/scene/scene.h"
-#include "core/scene/view_axis.h"
 
 namespace tvsgs {
 

@@ -171,16 +171,12 @@ void require_files(const std::string& folder,
 
 FileRecord record_of(const std::string& folder, const std::string& name) {
     const std::string path = folder + "/" + name;
-    require_regular_file(path);
     FileRecord record{name, 0, 0};
-    std::FILE* const file = std::fopen(path.c_str(), "rb");
-    if (file == nullptr) throw input_error(path, ": cannot read it");
+    const OpenFile file = open_file(path);
     std::vector<char> bytes(1 << 20);
-    for (std::size_t n; (n = std::fread(bytes.data(), 1, bytes.size(), file)) > 0;)
+    for (std::size_t n; (n = std::fread(bytes.data(), 1, bytes.size(), file.get())) > 0;)
         record.crc = crc_of({bytes.data(), n}, record.crc), record.bytes += n;
-    const bool failed = std::ferror(file) != 0;
-    std::fclose(file);
-    if (failed) throw Error(ExitCode::io, path + ": reading failed");
+    check_read(file, path);
     return record;
 }
 

@@ -4,7 +4,7 @@
 #include <limits>
 #include <set>
 
-#include "core/device/parallel_errors.h"
+#include "core/device/parallel_lists.h"
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"

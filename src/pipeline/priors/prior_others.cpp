@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "core/device/parallel_errors.h"
+#include "core/device/parallel_lists.h"
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"

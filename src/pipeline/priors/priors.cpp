@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/device/parallel_errors.h"
+#include "core/device/parallel_lists.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"

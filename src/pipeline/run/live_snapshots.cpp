@@ -7,7 +7,7 @@
 #include "core/math/smoothing_filter.h"
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
-#include "io/splats/spz.h"
+#include "io/splats/splat_files.h"
 
 namespace tvsgs {
 namespace {
@@ -32,7 +32,7 @@ void write_snapshot(const std::string& folder, const std::string& state, Gaussia
     apply_filter(g);
     g.sh_degree = 0;
     g.sh.resize(g.means.size());  // coefficient major: keeps the base colours
-    write_spz(folder + "/splats.spz", g, {.frame = SplatFrame::rdf});
+    write_splat_file(folder + "/splats.spz", g, {.frame = SplatFrame::rdf});
     write_text_file(folder + "/state.json", state + "\n");
 }
 

@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <string_view>
 
-#include "core/clock_text.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "core/progress.h"
 #include "io/files/json_value.h"
 #include "optim/loop/schedule.h"
 

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/math/quaternion.h"
+#include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 #include "io/scene/colmap.h"

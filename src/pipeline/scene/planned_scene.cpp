@@ -143,8 +143,8 @@ void Preparation::decide_settings(const ChosenViews& chosen) {
         const Decision settings = tvsgs::decide_settings(
             static_cast<int>(chosen.split.train.size()), !train.tv.fixed_voters.empty());
         dense_ = settings.choice == kManyPhotographs;
-        config_.table.read_text_below(kPlanSource,
-                                      built_in_config(dense_ ? kDenseConfig : kSparseConfig));
+        config_.table.read_text(kPlanSource, built_in_config(dense_ ? kDenseConfig : kSparseConfig),
+                                /*below=*/true);
         apply(settings);
         if (pinned("tv.enabled") && !train.tv.enabled && !dense_) apply(drop_voting_losses());
         apply(drop_thickness_losses(train));
