@@ -5,7 +5,7 @@
 #include <initializer_list>
 
 #include "core/error.h"
-#include "io/files/safetensors.h"
+#include "io/files/npz.h"
 
 namespace tvsgs {
 namespace {

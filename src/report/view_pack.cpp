@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
-#include "io/splats/spz.h"
+#include "io/splats/splat_files.h"
 #include "optim/growth/splat_order.h"
 #include "pipeline/run/splat_selection.h"
 #include "render/tiles/blend_math.h"

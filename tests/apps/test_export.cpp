@@ -11,7 +11,6 @@
 #include "io/splats/ply.h"
 #include "io/splats/splat_errors.h"
 #include "io/splats/splat_files.h"
-#include "io/splats/spz.h"
 #include "pipeline/run/splat_selection.h"
 #include "support/command.h"
 #include "support/random_gaussians.h"

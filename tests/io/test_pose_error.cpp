@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "io/scene/pose_error.h"
+#include "io/scene/load_views.h"
 #include "render/tiles/camera_math.h"
 #include "support/numeric.h"
 

@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "io/io_test.h"
-#include "io/priors/prior_files.h"
 #include "io/priors/prior_placement.h"
 #include "io/priors/prior_sources.h"
 

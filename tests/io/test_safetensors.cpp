@@ -1,7 +1,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "io/files/safetensors.h"
+#include "io/files/npz.h"
 #include "io/io_test.h"
 
 namespace tvsgs {

@@ -8,12 +8,11 @@
 
 #include "core/device/threads.h"
 #include "io/files/zip_archive.h"
-#include "io/images/webp.h"
+#include "io/images/image_file.h"
 #include "io/splats/codebook.h"
-#include "io/splats/sog.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_errors.h"
-#include "io/splats/splat_glb.h"
+#include "io/splats/splat_files.h"
 #include "io_test.h"
 #include "support/random_gaussians.h"
 
@@ -358,7 +357,7 @@ TEST_F(Sog, HasTheFilesAndPixelsOfTheSpecification) {
     EXPECT_EQ(meta["shN"]["files"], (json{"shN_centroids.webp", "shN_labels.webp"}));
     EXPECT_EQ(meta["shN"]["bands"], 1);
     const auto pixel = [&](const std::string& name, int i) {
-        const ImageU8 image = decode_webp(files[name], name, 1 << 20);
+        const ImageU8 image = decode_image(name, files[name], 4);
         EXPECT_EQ(image.width, name == "shN_centroids.webp" ? 192 : 4);
         std::vector<int> out;
         for (int c = 0; c < 4; ++c) out.push_back(image.at(i % image.width, i / image.width, c));

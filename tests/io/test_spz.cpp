@@ -8,7 +8,6 @@
 #include "core/device/threads.h"
 #include "io/splats/splat_errors.h"
 #include "io/splats/splat_files.h"
-#include "io/splats/spz.h"
 #include "io/splats/spz_math.h"
 #include "io_test.h"
 #include "render/backbone.h"

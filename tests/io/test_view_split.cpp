@@ -1,5 +1,5 @@
 #include "io/io_test.h"
-#include "io/scene/view_split.h"
+#include "io/scene/scene_reader.h"
 
 namespace tvsgs {
 namespace {

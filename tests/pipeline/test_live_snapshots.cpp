@@ -9,7 +9,7 @@
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
 #include "io/splats/ply.h"
-#include "io/splats/spz.h"
+#include "io/splats/splat_files.h"
 #include "pipeline/run/live_snapshots.h"
 #include "support/random_gaussians.h"
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "io/files/atomic_file.h"
-#include "io/splats/spz.h"
+#include "io/splats/splat_files.h"
 #include "render/backbone.h"
 #include "report/pictures.h"
 #include "report/view_pack.h"

@@ -3,7 +3,7 @@
 
 #include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
-#include "io/splats/spz.h"
+#include "io/splats/splat_files.h"
 #include "report/pictures.h"
 #include "view_cases.h"
 

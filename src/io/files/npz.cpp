@@ -16,8 +16,9 @@ static_assert(std::endian::native == std::endian::little);
 constexpr std::uint64_t kMaxShapeEntry = (std::uint64_t{1} << 31) - 1;
 constexpr std::uint64_t kMaxEntryBytes = ZipLimits{}.entry_bytes;
 
-[[noreturn]] void fail(const std::string& name, const std::string& what) {
-    throw Error(ExitCode::input, name, ": ", what,
+template <class... Parts>
+[[noreturn]] void fail(const std::string& name, const Parts&... what) {
+    throw Error(ExitCode::input, name, ": ", what...,
                 "; save it again with numpy.save or numpy.savez");
 }
 
@@ -42,7 +43,7 @@ Header parse_header(std::string_view text, const std::string& name) {
     if (!found.is_object()) fail(name, "the header is no dictionary of Python, or ends early");
     for (const auto& [key, value] : found.items())
         if (key != "descr" && key != "fortran_order" && key != "shape")
-            fail(name, str("unknown key '", shown(key), "' in the header"));
+            fail(name, "unknown key '", shown(key), "' in the header");
     if (found.size() != 3) fail(name, "the header lacks descr, fortran_order or shape");
     if (found["descr"].is_array()) fail(name, "structured arrays are not supported");
     const nlohmann::json& shape = found["shape"];
@@ -113,13 +114,13 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     if (d.size() < 3 || d.size() > 8 ||
         std::string_view("<>|=").find(d[0]) == std::string_view::npos ||
         d.find_first_not_of("0123456789", 2) != std::string::npos)
-        fail(name, str("unsupported type '", d, "'"));
+        fail(name, "unsupported type '", d, "'");
     const bool text = d[1] == 'U' && header.shape.empty();
     const std::size_t size = std::stoul(d.substr(2)) * (text ? 4 : 1);
     const NumberType* const type = find_number_type(d[1], size);
     if (!text && !type)
-        fail(name, str("unsupported type '", d,
-                       "'; expected a float of 16 to 64 bits, an integer or bool"));
+        fail(name, "unsupported type '", d,
+             "'; expected a float of 16 to 64 bits, an integer or bool");
 
     NpyArray array{header.shape, {}, {}, text};
     std::size_t count = 1;
@@ -129,8 +130,7 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
         count *= n;
     }
     if (data.size() != count * size)
-        fail(name,
-             str("the shape needs ", count * size, " bytes of data, the file has ", data.size()));
+        fail(name, "the shape needs ", count * size, " bytes of data, the file has ", data.size());
     std::string swapped;
     if (const std::size_t unit = text ? 4 : size; d[0] == '>') {
         swapped = data;

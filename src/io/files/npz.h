@@ -1,4 +1,4 @@
-// NumPy arrays: .npy and .npz files.
+// NumPy arrays: .npy and .npz files; safetensors files.
 #pragma once
 
 #include <cstdint>
@@ -36,6 +36,13 @@ void write_npy(const std::string& path,
 /// 65,536 entries, compression ratio 1,100. Throws Error(ExitCode::input).
 using NpzArchive = std::map<std::string, NpyArray>;
 NpzArchive read_npz(const std::string& path);
+
+/// All tensors of type F16, F32 or F64 by name. Checks the header, ranges and overlaps. Throws
+/// Error(ExitCode::input).
+NpzArchive read_safetensors(const std::string& path);
+
+/// Reads a .npz or .safetensors file; the first bytes tell the format.
+NpzArchive read_tensors(const std::string& path);
 
 /// The array with this name. Throws Error(ExitCode::input) that lists the existing names.
 const NpyArray& find_array(const NpzArchive& archive, const std::string& name);

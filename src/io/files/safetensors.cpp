@@ -1,11 +1,10 @@
-#include "io/files/safetensors.h"
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
 
 #include "io/files/json_value.h"
+#include "io/files/npz.h"
 #include "io/files/number_types.h"
 #include "io/files/read_file.h"
 

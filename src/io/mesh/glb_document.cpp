@@ -32,8 +32,7 @@ void GlbDocument::check_extensions(std::initializer_list<const char*> known) con
         const std::string name = required.is_string() ? required.get<std::string>() : "";
         if (std::none_of(known.begin(), known.end(),
                          [&](const char* begin) { return name.starts_with(begin); }))
-            fail(str("needs the unknown extension '", shown(name),
-                     "'; save it without compression"));
+            fail("needs the unknown extension '", shown(name), "'; save it without compression");
     }
 }
 
@@ -44,29 +43,25 @@ bool GlbDocument::is_from_tvsgs(const char* key) const {
            extras.contains(key) && list(doc_, "nodes").size() == 1;
 }
 
-void GlbDocument::fail(const std::string& what) const {
-    throw input_error("E_GLB: ", path_, ": ", what);
-}
-
 void GlbDocument::split(std::string_view bytes) {
     using glb::kChunkBytes;
     const std::size_t header = glb::kHeaderBytes;
     if (bytes.size() < header + kChunkBytes) fail("cut off in its header");
     if (const auto version = load<std::uint32_t>(bytes.data() + 4); version != glb::kVersion)
-        fail(str("glTF version ", version, "; expected 2"));
+        fail("glTF version ", version, "; expected 2");
     const auto claimed = load<std::uint32_t>(bytes.data() + 8);
     if (claimed > bytes.size())
-        fail(str("claims ", claimed, " bytes, the file has ", bytes.size(), "; is it cut off?"));
+        fail("claims ", claimed, " bytes, the file has ", bytes.size(), "; is it cut off?");
     bytes = bytes.substr(0, claimed);
     std::string_view text;
     for (std::size_t begin = header, chunk = 0; begin < bytes.size(); ++chunk) {
-        if (bytes.size() - begin < kChunkBytes) fail(str("chunk ", chunk, " is cut off"));
+        if (bytes.size() - begin < kChunkBytes) fail("chunk ", chunk, " is cut off");
         const auto length = load<std::uint32_t>(bytes.data() + begin),
                    kind = load<std::uint32_t>(bytes.data() + begin + 4);
         begin += kChunkBytes;
         if (length > bytes.size() - begin)
-            fail(str("chunk ", chunk, " claims ", length, " bytes, ", bytes.size() - begin,
-                     " are left"));
+            fail("chunk ", chunk, " claims ", length, " bytes, ", bytes.size() - begin,
+                 " are left");
         if (chunk == 0 && kind != glb::kJson) fail("the first chunk is not JSON");
         if (chunk == 0) text = bytes.substr(begin, length);
         if (chunk == 1 && kind == glb::kBin) binary_ = bytes.substr(begin, length);
@@ -86,7 +81,7 @@ const GlbDocument::json& GlbDocument::list(const json& object, const char* key) 
     static const json none = json::array();
     const json& found = member(object, key);
     if (found.is_array()) return found;
-    if (object.is_object() && object.contains(key)) fail(str("\"", key, "\" is not a list"));
+    if (object.is_object() && object.contains(key)) fail("\"", key, "\" is not a list");
     return none;
 }
 
@@ -99,13 +94,13 @@ std::uint64_t GlbDocument::whole(const json& object,
                                  const char* key,
                                  std::uint64_t standard) const {
     if (!object.is_object() || !object.contains(key)) return standard;
-    if (!object[key].is_number_unsigned()) fail(str("\"", key, "\" is not a whole number"));
+    if (!object[key].is_number_unsigned()) fail("\"", key, "\" is not a whole number");
     return object[key].get<std::uint64_t>();
 }
 
 std::size_t GlbDocument::index(const json& object, const char* key, const json& of) const {
     const std::uint64_t i = whole(object, key, std::uint64_t{1} << 60);
-    if (i >= of.size()) fail(str("\"", key, "\" refers to a missing element"));
+    if (i >= of.size()) fail("\"", key, "\" refers to a missing element");
     return static_cast<std::size_t>(i);
 }
 
@@ -124,7 +119,7 @@ std::vector<double> GlbDocument::numbers(const json& object,
     if (out.empty()) return out;
     if (out.size() != count ||
         !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); }))
-        fail(str("\"", key, "\": expected ", count, " finite numbers"));
+        fail("\"", key, "\": expected ", count, " finite numbers");
     return out;
 }
 
@@ -141,8 +136,8 @@ std::string_view GlbDocument::view_bytes(const json& holder, std::size_t* stride
     const std::uint64_t offset = whole(view, "byteOffset", 0),
                         length = whole(view, "byteLength", 0);
     if (offset > binary_.size() || length > binary_.size() - offset)
-        fail(str("a buffer view of ", length, " bytes at ", offset, " exceeds the buffer of ",
-                 binary_.size()));
+        fail("a buffer view of ", length, " bytes at ", offset, " exceeds the buffer of ",
+             binary_.size());
     if (stride) *stride = static_cast<std::size_t>(whole(view, "byteStride", 0));
     return binary_.substr(offset, length);
 }
@@ -154,13 +149,13 @@ GlbAccessor GlbDocument::accessor(const json& holder,
     const json& accessors = list(doc_, "accessors");
     const json& found = accessors[index(holder, key, accessors)];
     GlbAccessor out;
-    if (text(found, "type") != type) fail(str(key, ": expected an accessor of type ", type));
+    if (text(found, "type") != type) fail(key, ": expected an accessor of type ", type);
     if (found.contains("sparse") || !found.contains("bufferView"))
-        fail(str(key, ": a sparse or empty accessor; save it as plain numbers"));
+        fail(key, ": a sparse or empty accessor; save it as plain numbers");
     const std::uint64_t type_number = whole(found, "componentType", 0);
     for (const GlbComponent& component : kComponents)
         if (component.number == type_number) out.component = &component;
-    if (!out.component) fail(str(key, ": unknown componentType ", type_number));
+    if (!out.component) fail(key, ": unknown componentType ", type_number);
     const std::size_t size = out.component->bytes * width;
     const json& normalized = member(found, "normalized");
     out.normalized = normalized.is_boolean() && normalized.get<bool>();
@@ -170,8 +165,8 @@ GlbAccessor GlbDocument::accessor(const json& holder,
     const std::uint64_t room = offset > out.bytes.size() ? 0 : out.bytes.size() - offset;
     if (out.stride < size || out.stride > 65535 || count > room / out.stride + 1 ||
         (count > 0 && (count - 1) * out.stride + size > room))
-        fail(str(key, ": ", count, " elements, ", out.stride,
-                 " bytes apart, do not fit into their buffer view"));
+        fail(key, ": ", count, " elements, ", out.stride,
+             " bytes apart, do not fit into their buffer view");
     out.bytes = out.bytes.substr(static_cast<std::size_t>(std::min(offset, offset + room)));
     out.count = static_cast<std::size_t>(count);
     return out;

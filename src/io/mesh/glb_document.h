@@ -39,7 +39,10 @@ protected:
     /// Both arguments must outlive the object.
     GlbDocument(const std::string& path, std::string_view bytes);
 
-    [[noreturn]] void fail(const std::string& what) const;
+    template <class... Parts>
+    [[noreturn]] void fail(const Parts&... what) const {
+        throw input_error("E_GLB: ", path_, ": ", what...);
+    }
 
     /// Throws if a required extension begins with none of `known`.
     void check_extensions(std::initializer_list<const char*> known) const;

@@ -76,7 +76,7 @@ private:
     void visit(std::size_t i, const Affine3d& world_from_parent, int depth) {
         const json& nodes = list(doc_, "nodes");
         check_json_depth(depth, path_);
-        if (visited_[i]++) fail(str("node ", i, " has two parents, or is its own parent"));
+        if (visited_[i]++) fail("node ", i, " has two parents, or is its own parent");
         const json& node = nodes[i];
         const Affine3d world_from_node =
             from_tvsgs_ ? Affine3d{} : world_from_parent * motion_of(node);
@@ -108,13 +108,13 @@ private:
                                      origin_);
         const auto add_faces = [&](std::size_t corners, const auto& corner) {
             claim(corners);
-            if (corners % 3 != 0) fail(str(corners, " corners are not a multiple of 3"));
+            if (corners % 3 != 0) fail(corners, " corners are not a multiple of 3");
             for (std::size_t k = 0; k < corners; k += 3) {
                 Vec3i face;
                 for (int c = 0; c < 3; ++c) {
                     const double vertex = corner(k + static_cast<std::size_t>(c));
                     if (!(vertex < static_cast<double>(position.count)))
-                        fail(str("a triangle refers to vertex ", vertex, " of ", position.count));
+                        fail("a triangle refers to vertex ", vertex, " of ", position.count);
                     face[c] = static_cast<int>(first + static_cast<std::int64_t>(vertex));
                 }
                 out_.faces.push_back(face);
@@ -136,9 +136,8 @@ private:
     void claim(std::size_t count) {
         claimed_ += count;
         if (claimed_ > most_)
-            fail(str("its nodes need ", claimed_,
-                     " vertices and corners, more than a file of this size can hold (", most_,
-                     ")"));
+            fail("its nodes need ", claimed_,
+                 " vertices and corners, more than a file of this size can hold (", most_, ")");
     }
 
     // 2. Colours. White if the image is not readable.

@@ -7,12 +7,12 @@ namespace {
 PlyGeometry read_obj(const std::string& path, std::string_view bytes, bool want_colors) {
     PlyGeometry out;
     std::int64_t line_number = 0;
-    const auto fail = [&](const std::string& what) {
-        throw input_error("E_OBJ: ", path, ": line ", line_number, ": ", what);
+    const auto fail = [&](const auto&... what) {
+        throw input_error("E_OBJ: ", path, ": line ", line_number, ": ", what...);
     };
     const auto number = [&](std::string_view word) {
         double value = 0;
-        if (!parse_number(word, value)) fail(str("'", shown(word), "' is not a number"));
+        if (!parse_number(word, value)) fail("'", shown(word), "' is not a number");
         return value;
     };
     bool all_colored = true;
@@ -50,15 +50,15 @@ PlyGeometry read_obj(const std::string& path, std::string_view bytes, bool want_
             for (std::string_view word; !(word = next_word(line)).empty(); ++corners) {
                 std::int64_t vertex = 0;
                 if (!parse_number(word.substr(0, word.find('/')), vertex))
-                    fail(str("'", shown(word), "' is not a corner of a face"));
+                    fail("'", shown(word), "' is not a corner of a face");
                 const auto count = static_cast<std::int64_t>(out.positions.size());
                 if (vertex == 0 || vertex > count || vertex < -count)
-                    fail(str("a face refers to vertex ", vertex, "; expected 1 to ", count));
+                    fail("a face refers to vertex ", vertex, "; expected 1 to ", count);
                 const int i = static_cast<int>(vertex > 0 ? vertex - 1 : count + vertex);
                 if (corners >= 2) out.faces.push_back({fan.x, fan.y, i});
                 (corners == 0 ? fan.x : fan.y) = i;
             }
-            if (corners < 3) fail(str("a face of ", corners, " corners; expected 3 or more"));
+            if (corners < 3) fail("a face of ", corners, " corners; expected 3 or more");
         }
     }
     if (out.positions.empty()) throw input_error("E_OBJ: ", path, ": no vertices (v x y z)");

@@ -1,5 +1,3 @@
-#include "io/priors/prior_files.h"
-
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -9,6 +7,7 @@
 #include "io/files/number_types.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
+#include "io/priors/prior_sources.h"
 
 namespace tvsgs {
 namespace {

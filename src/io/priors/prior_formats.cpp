@@ -11,7 +11,6 @@ namespace {
 namespace fs = std::filesystem;
 using Strings = std::vector<std::string>;
 
-constexpr auto kAnything = PriorQuantity::unknown;
 constexpr auto kAnyGeometry = PriorGeometry::unknown;
 
 struct Place {
@@ -22,11 +21,11 @@ struct Place {
 /// A folder of depth maps and the usual convention of its numbers.
 struct DepthFolder {
     const char* folder;
-    Strings endings;
-    PriorQuantity quantity;
-    PriorGeometry geometry;
-    PriorAlignment alignment;
-    bool zero_is_none;
+    Strings endings{};
+    PriorQuantity quantity = PriorQuantity::unknown;
+    PriorGeometry geometry = PriorGeometry::unknown;
+    PriorAlignment alignment = PriorAlignment::affine;
+    bool zero_is_none = false;
 };
 
 DepthSource depth_source(PriorFiles files, const DepthFolder& row) {
@@ -51,7 +50,7 @@ DepthSource find_with_params(const Place& place) {
     if (!is_file(params)) return {};
     DepthSource source = depth_source(
         match_priors((place.folder / "depths").string(), {".png"}, place.views),
-        {"", {}, PriorQuantity::inverse_depth, PriorGeometry::z, PriorAlignment::metric, false});
+        {"", {}, PriorQuantity::inverse_depth, PriorGeometry::z, PriorAlignment::metric});
     if (!source.empty()) read_depth_params(params.string(), source);
     return source;
 }
@@ -113,7 +112,7 @@ DepthSource find_depth(const Place& place) {
             midas.insert(midas.begin(), str("-", model, ending));
     DepthSource found =
         find_in(place, {{"depth_vggt", {"_pred.npy", ".npy"}, kDepth, kAnyGeometry, scale, true},
-                        {"depth_npy", kNumbers, kAnything, kAnyGeometry, affine, false}});
+                        {"depth_npy", kNumbers}});
     if (found.empty()) found = find_with_params(place);
     if (found.empty()) found = read_transforms_depth(place.folder.string(), place.views);
     if (found.empty())
@@ -123,23 +122,17 @@ DepthSource find_depth(const Place& place) {
         found = find_in(place, {{"depth_est", {".pfm"}, kDepth, kAnyGeometry, metric, true},
                                 {"renders_depth", {".npy"}, kDepth, PriorGeometry::z, metric, true},
                                 {"metric3d", kNumbers, kDepth, kAnyGeometry, scale, true},
-                                {"depth_bw",
-                                 {"_pred.png", "_depth.png", ".png"},
-                                 kAnything,
-                                 kAnyGeometry,
-                                 affine,
-                                 false},
-                                {"depths", kNumbers, kAnything, kAnyGeometry, affine, false},
-                                {"depth", kNumbers, kAnything, kAnyGeometry, affine, false},
-                                {"vis_depth", kNumbers, kAnything, kAnyGeometry, affine, false},
-                                {"midas", midas, kAnything, kAnyGeometry, affine, false}});
+                                {"depth_bw", {"_pred.png", "_depth.png", ".png"}},
+                                {"depths", kNumbers},
+                                {"depth", kNumbers},
+                                {"vis_depth", kNumbers},
+                                {"midas", midas}});
     if (found.empty())
         found = depth_source(acmm_maps(place, {"depths_geom.dmb", "depths.dmb"}),
                              {"", {}, kDepth, PriorGeometry::z, metric, true});
     for (const char* folder : {".", "omnidata"})
         if (found.empty())
-            found = depth_source(beside({place.folder / folder, place.views}, "_depth.npy"),
-                                 {"", {}, kAnything, kAnyGeometry, affine, false});
+            found = depth_source(beside({place.folder / folder, place.views}, "_depth.npy"), {""});
     return found;
 }
 

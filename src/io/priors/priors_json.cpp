@@ -24,16 +24,17 @@ struct Document {
         : path(p), root(parse_json_value(read_text(p, kMaxTextBytes), p)) {
         if (!root.is(Kind::object)) throw wrong("", "not a JSON object");
     }
-    Error wrong(const std::string& where, const std::string& what) const {
-        return input_error("E_PRIORS: ", path, ": ", where.empty() ? "" : where + ": ", what);
+    template <class... Parts>
+    Error wrong(const std::string& where, const Parts&... what) const {
+        return input_error("E_PRIORS: ", path, ": ", where.empty() ? "" : where + ": ", what...);
     }
     void allow(const std::string& where,
                const JsonValue& object,
                std::initializer_list<std::string_view> keys) const {
         for (const auto& [key, value] : object.members)
             if (std::find(keys.begin(), keys.end(), key) == keys.end())
-                throw wrong(where,
-                            str("unknown key '", shown(key), "'; expected one of ", joined(keys)));
+                throw wrong(where, "unknown key '", shown(key), "'; expected one of ",
+                            joined(keys));
     }
     /// Index in `words` of the member's text; `fallback` if there is no member.
     int choice(const std::string& where,
@@ -45,7 +46,7 @@ struct Document {
         if (!value) return fallback;
         const auto at = std::find(words.begin(), words.end(), value.text);
         if (value.is(Kind::text) && at != words.end()) return static_cast<int>(at - words.begin());
-        throw wrong(where, str(key, " is '", shown(value.text), "'; expected ", joined(words)));
+        throw wrong(where, key, " is '", shown(value.text), "'; expected ", joined(words));
     }
     double number(const std::string& where,
                   const JsonValue& object,
@@ -53,7 +54,7 @@ struct Document {
                   double fallback) const {
         const JsonValue& value = object[key];
         if (value && !(value.is(Kind::number) && std::isfinite(value.number)))
-            throw wrong(where, str(key, " is not a number"));
+            throw wrong(where, key, " is not a number");
         return value.number_or(fallback);
     }
     /// Numbers of a list; empty if there is no member.
@@ -67,7 +68,7 @@ struct Document {
             fits = fits && item.is(Kind::number);
             values.push_back(item.number);
         }
-        if (!fits) throw wrong(where, str(key, " is not a list of numbers"));
+        if (!fits) throw wrong(where, key, " is not a list of numbers");
         return values;
     }
     /// Path of a folder or file beside the document.
@@ -75,7 +76,7 @@ struct Document {
         const fs::path clean = fs::path(name).lexically_normal();
         if (name.empty() || name.size() > 4096 || clean.is_absolute() ||
             clean.generic_string().starts_with(".."))
-            throw wrong(where, str("'", shown(name), "'; expected a relative path without '..'"));
+            throw wrong(where, "'", shown(name), "'; expected a relative path without '..'");
         return (fs::path(path).parent_path() / clean).string();
     }
 };
@@ -95,18 +96,18 @@ PriorFiles listed_files(const Document& in,
         throw in.wrong(kind, "encoding exr is unknown; convert the maps to npy or pfm");
     if (ending != "png" && ending != "npy" && ending != "pfm" && ending != "dmb" &&
         ending != "colmap")
-        throw in.wrong(kind, str("encoding is '", shown(encoding),
-                                 "'; expected npy, pfm, png8, png16, colmap or dmb"));
+        throw in.wrong(kind, "encoding is '", shown(encoding),
+                       "'; expected npy, pfm, png8, png16, colmap or dmb");
     PriorFiles files =
         ending == "colmap"
             ? match_priors(folder, {".geometric.bin", ".photometric.bin"}, views, true)
             : match_priors(folder, {"." + ending}, views);
     if (ending == "colmap" && files.empty()) files = match_priors(folder, {".bin"}, views);
     if (files.empty())
-        throw in.wrong(kind, str(folder, " has no file of that encoding for the ", views.size(),
-                                 " views; expected names such as ",
-                                 views.empty() ? "0001" : fs::path(views[0]).stem().string(), ".",
-                                 ending == "colmap" ? "png.geometric.bin" : ending));
+        throw in.wrong(kind, folder, " has no file of that encoding for the ", views.size(),
+                       " views; expected names such as ",
+                       views.empty() ? "0001" : fs::path(views[0]).stem().string(), ".",
+                       ending == "colmap" ? "png.geometric.bin" : ending);
     const int layout = in.choice(kind, object, "layout", {"hwc", "chw"}, -1);
     files.layout = layout < 0    ? MapLayout::automatic
                    : layout == 0 ? MapLayout::hwc
@@ -167,7 +168,7 @@ PriorSources read_priors_json(const std::string& folder, const std::vector<std::
     const Document in((fs::path(folder) / "priors.json").string());
     in.allow("", in.root, {"version", "depth", "confidence", "normal", "features", "sky", "pairs"});
     if (const double version = in.number("", in.root, "version", 1); version != 1)
-        throw in.wrong("", str("version is ", version, "; expected 1"));
+        throw in.wrong("", "version is ", version, "; expected 1");
     PriorSources found;
     found.depth = listed_depth(in, views);
 
@@ -202,8 +203,8 @@ void read_depth_params(const std::string& path, DepthSource& source) {
     for (auto& [view, file] : source.files) {
         const JsonValue& own = in.root[fs::path(view).replace_extension().generic_string()];
         if (!own.is(Kind::object))
-            throw in.wrong("", str("no entry for image '", shown(view),
-                                   "', which has a depth map; make the file again for all images"));
+            throw in.wrong("", "no entry for image '", shown(view),
+                           "', which has a depth map; make the file again for all images");
         const std::string where = shown(view);
         file.scale = in.number(where, own, "scale", 0);
         file.shift = in.number(where, own, "offset", 0);

@@ -39,8 +39,7 @@ public:
         const auto count = get<std::uint64_t>();
         if (count > left() / smallest) {
             offset_ -= sizeof count;
-            corrupt(
-                str("a count of ", count, ", but only ", left() - sizeof count, " bytes follow"));
+            corrupt("a count of ", count, ", but only ", left() - sizeof count, " bytes follow");
         }
         return static_cast<std::size_t>(count);
     }
@@ -58,11 +57,13 @@ public:
 private:
     std::size_t left() const { return bytes_.size() - offset_; }
     void need(std::size_t bytes) const {
-        if (bytes > left()) corrupt(str("expected ", bytes, " more bytes, found ", left()));
+        if (bytes > left()) corrupt("expected ", bytes, " more bytes, found ", left());
     }
-    [[noreturn]] void corrupt(const std::string& what) const {
+    template <class... Parts>
+    [[noreturn]] void corrupt(const Parts&... what) const {
         throw input_error("E_COLMAP_CORRUPT: ", path_, ": byte ", offset_, ", record ", record_,
-                          ": ", what, "; the file is cut off or damaged: copy or export it again");
+                          ": ", what...,
+                          "; the file is cut off or damaged: copy or export it again");
     }
     std::string path_, bytes_;
     std::size_t offset_ = 0, record_ = 0;
@@ -91,15 +92,16 @@ public:
     T get(const char* what) {
         const std::string_view word = next_word(line_);
         T value{};
-        if (word.empty()) corrupt(str("no ", what));
-        if (!parse_number(word, value)) corrupt(str("'", shown(word), "' is not a valid ", what));
+        if (word.empty()) corrupt("no ", what);
+        if (!parse_number(word, value)) corrupt("'", shown(word), "' is not a valid ", what);
         return value;
     }
     std::string_view get_word() { return next_word(line_); }
     std::string_view rest_of_line() { return std::exchange(line_, {}); }
     bool line_is_empty() const { return trimmed(line_).empty(); }
-    [[noreturn]] void corrupt(const std::string& what) const {
-        throw input_error("E_COLMAP_CORRUPT: ", where(), ": ", what,
+    template <class... Parts>
+    [[noreturn]] void corrupt(const Parts&... what) const {
+        throw input_error("E_COLMAP_CORRUPT: ", where(), ": ", what...,
                           "; the file is cut off or damaged: copy or export it again");
     }
     std::string where() const { return str(path_, ": line ", number_); }
@@ -148,8 +150,8 @@ void read_cameras(TextReader&& in, ColmapModel& model) {
         std::vector<double> params;
         while (!in.line_is_empty()) params.push_back(in.get<double>("camera parameter"));
         if (static_cast<int>(params.size()) != camera_model->params)
-            in.corrupt(str(params.size(), " parameters; expected the ", camera_model->params,
-                           " of ", name));
+            in.corrupt(params.size(), " parameters; expected the ", camera_model->params, " of ",
+                       name);
         add_camera(model, in.where(), id,
                    make_intrinsics(in.path(), id, *camera_model, width, height, params));
     }

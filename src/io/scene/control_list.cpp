@@ -55,8 +55,9 @@ public:
     }
 
 private:
-    Error wrong(const std::string& what) const {
-        return input_error(list_.path, ":", line_, ": ", what);
+    template <class... Parts>
+    Error wrong(const Parts&... what) const {
+        return input_error(list_.path, ":", line_, ": ", what...);
     }
 
     void read_projection(std::string_view line) {
@@ -72,14 +73,14 @@ private:
             list_.degrees =
                 proj == "longlat" || proj == "latlong" || proj == "lonlat" || proj == "latlon";
             if (!units.empty() && units != "m")
-                throw wrong(str("the unit is '", shown(units),
-                                "'; expected metres: convert the coordinates"));
+                throw wrong("the unit is '", shown(units),
+                            "'; expected metres: convert the coordinates");
         } else if (const std::string utm = utm_code(words); !utm.empty()) {
             list_.projection = utm;
         } else {
-            throw wrong(str("'", shown(line),
-                            "' is no projection; expected EPSG:32632, a PROJ string (+proj=...) or "
-                            "WGS84 UTM 32N in the first line"));
+            throw wrong("'", shown(line),
+                        "' is no projection; expected EPSG:32632, a PROJ string (+proj=...) or "
+                        "WGS84 UTM 32N in the first line");
         }
     }
 
@@ -88,20 +89,20 @@ private:
         for (std::string_view rest = line, word; !(word = next_word(rest)).empty();)
             words.push_back(word);
         if (words.size() < 6)
-            throw wrong(str(words.size(), " columns; expected \"x y z px py image [name]\""));
+            throw wrong(words.size(), " columns; expected \"x y z px py image [name]\"");
         const auto number = [&](std::size_t column) {
             constexpr const char* kNames[] = {"x", "y", "z", "px", "py"};
             double value = 0;
             // Farther than 1e9 the readers of scenes refuse poses.
             if (!parse_number(words[column], value) || !(std::abs(value) <= 1e9))
-                throw wrong(str(kNames[column], " is '", shown(words[column]),
-                                "'; expected a number within 1e9"));
+                throw wrong(kNames[column], " is '", shown(words[column]),
+                            "'; expected a number within 1e9");
             return value;
         };
         const Vec3d position{number(0), number(1), number(2)};
         if (list_.degrees && !(std::abs(position.x) <= 180 && std::abs(position.y) <= 90))
-            throw wrong(str(position.x, " ", position.y, " is no place in ", list_.projection,
-                            "; expected longitude and latitude in degrees"));
+            throw wrong(position.x, " ", position.y, " is no place in ", list_.projection,
+                        "; expected longitude and latitude in degrees");
         ControlMark mark{std::string(words[5]), {number(3), number(4)}, line_};
         const std::string name(words.size() > 6 ? words[6] : "");
         point_of(name, position).marks.push_back(std::move(mark));
@@ -117,8 +118,8 @@ private:
         }
         ControlPoint& point = list_.points[entry->second];
         if (norm(point.position - at) > 0)
-            throw wrong(str("'", shown(name), "' has other coordinates than in line ",
-                            point.marks[0].line, "; expected one position for each name"));
+            throw wrong("'", shown(name), "' has other coordinates than in line ",
+                        point.marks[0].line, "; expected one position for each name");
         return point;
     }
 

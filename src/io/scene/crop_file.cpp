@@ -13,37 +13,39 @@ using nlohmann::json;
 struct CropReader {
     std::string path;
 
-    Error wrong(const std::string& what) const { return input_error(path, ": crop: ", what); }
+    template <class... Parts>
+    Error wrong(const Parts&... what) const {
+        return input_error(path, ": crop: ", what...);
+    }
 
     const json& at(const json& object, const char* key) const {
-        if (!object.is_object() || !object.contains(key))
-            throw wrong(str("key '", key, "' is missing"));
+        if (!object.is_object() || !object.contains(key)) throw wrong("key '", key, "' is missing");
         return object[key];
     }
     double number(const json& value, const std::string& name) const {
         const double v = value.is_number() ? value.get<double>() : std::nan("");
         if (!std::isfinite(v))
-            throw wrong(str(name, " is ", value.dump(), ", expected a finite number"));
+            throw wrong(name, " is ", value.dump(), ", expected a finite number");
         return v;
     }
     Vec3d point(const json& value, const std::string& name) const {
         if (!value.is_array() || value.size() != 3)
-            throw wrong(str(name, " is ", value.dump(), ", expected [x, y, z]"));
+            throw wrong(name, " is ", value.dump(), ", expected [x, y, z]");
         return {number(value[0], name), number(value[1], name), number(value[2], name)};
     }
     void require_order(double min, double max, const std::string& name) const {
         if (!(min <= max))
-            throw wrong(str(name, ": the lower bound ", min, " is above the upper bound ", max));
+            throw wrong(name, ": the lower bound ", min, " is above the upper bound ", max);
     }
 
     Crop prism(const json& file) const {
         Crop crop;
         crop.kind = Crop::Kind::prism;
         if (const json& name = at(file, "class_name"); name != "SelectionPolygonVolume")
-            throw wrong(str("class_name is ", name.dump(), ", expected SelectionPolygonVolume"));
+            throw wrong("class_name is ", name.dump(), ", expected SelectionPolygonVolume");
         const std::string axis = file.value("orthogonal_axis", std::string("Z"));
         if (axis != "X" && axis != "Y" && axis != "Z")
-            throw wrong(str("orthogonal_axis is ", axis, ", expected X, Y or Z"));
+            throw wrong("orthogonal_axis is ", axis, ", expected X, Y or Z");
         crop.axis = axis[0] - 'X';
         crop.axis_min = number(at(file, "axis_min"), "axis_min");
         crop.axis_max = number(at(file, "axis_max"), "axis_max");
@@ -57,7 +59,7 @@ struct CropReader {
         Crop crop;
         crop.kind = Crop::Kind::box;
         if (!value.is_array() || value.size() != 2)
-            throw wrong(str("box is ", value.dump(), ", expected two corners"));
+            throw wrong("box is ", value.dump(), ", expected two corners");
         crop.min = point(value[0], "box"), crop.max = point(value[1], "box");
         for (int axis = 0; axis < 3; ++axis) require_order(crop.min[axis], crop.max[axis], "box");
         return crop;
@@ -67,7 +69,7 @@ struct CropReader {
         crop.kind = Crop::Kind::cylinder;
         const json& center = at(value, "center_xy");
         if (!center.is_array() || center.size() != 2)
-            throw wrong(str("center_xy is ", center.dump(), ", expected [x, y]"));
+            throw wrong("center_xy is ", center.dump(), ", expected [x, y]");
         crop.center_x = number(center[0], "center_xy"),
         crop.center_y = number(center[1], "center_xy");
         crop.radius = number(at(value, "radius"), "radius");

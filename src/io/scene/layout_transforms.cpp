@@ -24,21 +24,22 @@ struct TransformsReader {
         if (!file.contains("frames") || !file["frames"].is_array() || file["frames"].empty())
             throw wrong("no frames; expected a list \"frames\"");
     }
-    Error wrong(const std::string& what) const {
-        return input_error("E_TRANSFORMS: ", path, ": ", what);
+    template <class... Parts>
+    Error wrong(const Parts&... what) const {
+        return input_error("E_TRANSFORMS: ", path, ": ", what...);
     }
     /// A number of the frame; else of the file.
     std::optional<double> number(const json& frame, const char* key) const {
         for (const json* object : {&frame, &file})
             if (object->contains(key)) {
-                if (!(*object)[key].is_number()) throw wrong(str("'", key, "' is not a number"));
+                if (!(*object)[key].is_number()) throw wrong("'", key, "' is not a number");
                 return (*object)[key].get<double>();
             }
         return std::nullopt;
     }
     std::string text(const json& object, const char* key) const {
         if (!object.contains(key)) return "";
-        if (!object[key].is_string()) throw wrong(str("'", key, "' is not text"));
+        if (!object[key].is_string()) throw wrong("'", key, "' is not text");
         return object[key].get<std::string>();
     }
     /// The file's name relative to the scene.

@@ -42,4 +42,12 @@ void log_undistortion(const std::vector<ViewSource>& sources);
 /// from `sources`.
 void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views);
 
+/// Estimates each view's pose error from the observations of its points.
+/// [docs/method/cameras.md#residuals] Sets View::pose_error_px of `views`, which were loaded from
+/// `sources`. Poses from a bundle adjustment of the same observations have an error near 0: no view
+/// improves by moving alone.
+void measure_pose_errors(const ColmapPoints& points,
+                         const std::vector<ViewSource>& sources,
+                         std::vector<View>& views);
+
 }  // namespace tvsgs

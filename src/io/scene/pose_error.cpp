@@ -1,10 +1,10 @@
-#include "io/scene/pose_error.h"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
+
+#include "io/scene/load_views.h"
 
 namespace tvsgs {
 namespace {

@@ -18,7 +18,6 @@
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"
 #include "io/scene/load_views.h"
-#include "io/scene/pose_error.h"
 #include "io/splats/ply.h"
 
 namespace tvsgs {

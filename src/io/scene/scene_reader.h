@@ -8,9 +8,23 @@
 #include "core/scene/scene.h"
 #include "io/scene/scene_layout.h"
 #include "io/scene/scene_options.h"
-#include "io/scene/view_split.h"
 
 namespace tvsgs {
+
+/// Training and test views.
+struct ViewSplit {
+    std::vector<int> train, test;  // indices into the names, ascending, no index in both
+};
+
+/// `names`: all images of the model, sorted. `exists`: which of them are on disk. `own_train` and
+/// `own_test`: the scene's own split by name, used if the user gave no list, also with --eval.
+/// Skips missing images, except images that the user listed for training: these are errors. Throws
+/// Error(ExitCode::input or usage).
+ViewSplit split_views(const SceneOptions& options,
+                      const std::vector<std::string>& names,
+                      const std::vector<bool>& exists,
+                      const std::vector<std::string>& own_train = {},
+                      const std::vector<std::string>& own_test = {});
 
 /// The views of a scene before any photograph is read, so that decisions can depend on their
 /// number.

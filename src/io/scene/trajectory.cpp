@@ -24,9 +24,8 @@ public:
         const std::string_view word = next_word(rest_);
         for (const char& c : before.substr(0, before.size() - rest_.size())) line_ += c == '\n';
         Number value{};
-        if (word.empty()) throw wrong(str("the file ends, expected ", what));
-        if (!parse_number(word, value))
-            throw wrong(str("'", shown(word), "' is not a valid ", what));
+        if (word.empty()) throw wrong("the file ends, expected ", what);
+        if (!parse_number(word, value)) throw wrong("'", shown(word), "' is not a valid ", what);
         return value;
     }
 
@@ -38,8 +37,8 @@ public:
                 if (!std::isfinite(entry)) throw wrong("a matrix entry is not finite");
             }
         if (m[3][0] != 0 || m[3][1] != 0 || m[3][2] != 0 || m[3][3] != 1)
-            throw wrong(str("the last row of the matrix is ", m[3][0], " ", m[3][1], " ", m[3][2],
-                            " ", m[3][3], ", expected 0 0 0 1"));
+            throw wrong("the last row of the matrix is ", m[3][0], " ", m[3][1], " ", m[3][2], " ",
+                        m[3][3], ", expected 0 0 0 1");
         Affine3d T;
         for (int i = 0; i < 3; ++i) {
             for (int j = 0; j < 3; ++j) T.A[i][j] = m[i][j];
@@ -47,8 +46,9 @@ public:
         }
         return T;
     }
-    Error wrong(const std::string& what) const {
-        return input_error(code_, ": ", path_, ": line ", line_, ": ", what);
+    template <class... Parts>
+    Error wrong(const Parts&... what) const {
+        return input_error(code_, ": ", path_, ": line ", line_, ": ", what...);
     }
 
 private:
@@ -131,8 +131,8 @@ Affine3d read_transform(const std::string& path) {
     const Affine3d T = words.matrix();
     if (!words.at_end()) throw words.wrong("text after the 4x4 matrix");
     if (!(determinant(T.A) > 0))
-        throw words.wrong(str("the matrix has determinant ", determinant(T.A),
-                              ", expected a similarity: rotation times a positive scale"));
+        throw words.wrong("the matrix has determinant ", determinant(T.A),
+                          ", expected a similarity: rotation times a positive scale");
     return T;
 }
 

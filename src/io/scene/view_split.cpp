@@ -1,5 +1,3 @@
-#include "io/scene/view_split.h"
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -10,6 +8,7 @@
 #include "core/log.h"
 #include "io/config/config.h"
 #include "io/files/read_file.h"
+#include "io/scene/scene_reader.h"
 
 namespace tvsgs {
 namespace {

@@ -107,7 +107,7 @@ public:
             }
             const double count = get(*property.count_type, offset_);
             if (!(count >= 0 && count <= static_cast<double>(left())))
-                count_error(element, str("a list of ", count, " values"));
+                count_error(element, "a list of ", count, " values");
             values.resize(static_cast<std::size_t>(count));
             for (double& value : values) value = get(*property.type, offset_);
             on_list(static_cast<int>(i), values);
@@ -122,7 +122,7 @@ public:
             row += ascii_ ? 2 : (p.count_type ? p.count_type : p.type)->bytes;
         // The last number of a text file needs no separator.
         if (row > 0 && element.count > (left() + (ascii_ ? 1 : 0)) / row)
-            count_error(element, str(element.count, " rows of ", row, " or more bytes"));
+            count_error(element, element.count, " rows of ", row, " or more bytes");
     }
 
     void skip(const Element& element) {
@@ -142,12 +142,14 @@ public:
                 path_, rest.size());
     }
 
-    [[noreturn]] void header_error(const std::string& what) const {
-        throw input_error("E_PLY_HEADER: ", path_, ": ", what);
+    template <class... Parts>
+    [[noreturn]] void header_error(const Parts&... what) const {
+        throw input_error("E_PLY_HEADER: ", path_, ": ", what...);
     }
-    [[noreturn]] void count_error(const Element& element, const std::string& what) const {
+    template <class... Parts>
+    [[noreturn]] void count_error(const Element& element, const Parts&... what) const {
         throw input_error("E_PLY_COUNT: ", path_, ": byte ", offset_, ", element '", element.name,
-                          "': ", what, ", but ", left(),
+                          "': ", what..., ", but ", left(),
                           " bytes are left; the file is cut off: copy it again");
     }
     const std::string& path() const { return path_; }
@@ -172,24 +174,24 @@ private:
                 ascii_ = format == "ascii";
                 big_endian_ = format == "binary_big_endian";
                 if (!ascii_ && !big_endian_ && format != "binary_little_endian")
-                    header_error(str("unknown format '", shown(format), "'"));
+                    header_error("unknown format '", shown(format), "'");
                 has_format = true;
             } else if (word == "element") {
                 Element element;
                 element.name = shown(next_word(line));
                 if (!parse_number(next_word(line), element.count))
-                    header_error(
-                        str("line ", number, ": element '", element.name, "' has no valid count"));
+                    header_error("line ", number, ": element '", element.name,
+                                 "' has no valid count");
                 elements_.push_back(element);
             } else if (word == "property") {
                 if (elements_.empty())
-                    header_error(str("line ", number, ": a property before the first element"));
+                    header_error("line ", number, ": a property before the first element");
                 add_property(line, elements_.back(), number);
             } else if (word == "end_header") {
                 break;
             } else if (word != "comment" && word != "obj_info" && !word.empty()) {
-                header_error(str("line ", number, ": unknown keyword '", shown(word),
-                                 "'; is the header cut off?"));
+                header_error("line ", number, ": unknown keyword '", shown(word),
+                             "'; is the header cut off?");
             }
         }
         if (!has_format) header_error("no format line");
@@ -199,21 +201,20 @@ private:
         const auto type_of = [&](std::string_view word) {
             for (const Type& type : kTypes)
                 if (word == type.name || word == type.other_name) return &type;
-            header_error(str("line ", number, ": unknown type '", shown(word), "'"));
+            header_error("line ", number, ": unknown type '", shown(word), "'");
         };
         Property property;
         std::string_view word = next_word(line);
         if (word == "list") {
             property.count_type = type_of(next_word(line));
             if (property.count_type->real)
-                header_error(str("line ", number, ": a list with a floating-point count"));
+                header_error("line ", number, ": a list with a floating-point count");
             word = next_word(line);
         }
         property.type = type_of(word);
         property.name = next_word(line);
         if (element.find(property.name) >= 0)
-            header_error(
-                str("line ", number, ": property '", shown(property.name), "' is given twice"));
+            header_error("line ", number, ": property '", shown(property.name), "' is given twice");
         element.properties.push_back(property);
     }
 

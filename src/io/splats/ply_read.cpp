@@ -23,7 +23,7 @@ constexpr float kSh0 = 0.28209479177387814f;  // the constant spherical harmonic
 void check_vertices(const PlyReader& in, const Element& vertex) {
     for (const Property& property : vertex.properties)
         if (property.count_type)
-            in.header_error(str("a list, '", shown(property.name), "', in the vertex element"));
+            in.header_error("a list, '", shown(property.name), "', in the vertex element");
     if (!vertex.has({"x", "y", "z"})) in.header_error("the vertex element has no x, y and z");
     in.check_count(vertex);
     if (vertex.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()))
@@ -157,8 +157,8 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
     const std::size_t rest = c.rest.size();
     if (static_cast<std::size_t>(named) != rest ||
         (rest != 0 && rest != 9 && rest != 24 && rest != 45 && rest != 72))
-        in.header_error(str(
-            named, " properties f_rest_*; expected f_rest_0 to f_rest_8, 23, 44 or 71, or none"));
+        in.header_error(
+            named, " properties f_rest_*; expected f_rest_0 to f_rest_8, 23, 44 or 71, or none");
     c.file_coefficients = static_cast<int>(rest / 3);
     while (c.sh_degree < 3 && sh_count(c.sh_degree) < c.file_coefficients + 1) ++c.sh_degree;
     if (rest == 72)

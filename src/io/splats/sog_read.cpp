@@ -7,9 +7,9 @@
 #include "io/images/image_file.h"
 #include "io/images/webp.h"
 #include "io/splats/codebook.h"
-#include "io/splats/sog.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_checks.h"
+#include "io/splats/splat_files.h"
 
 namespace tvsgs {
 namespace {

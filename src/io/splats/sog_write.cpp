@@ -11,9 +11,9 @@
 #include "io/files/zip_archive.h"
 #include "io/images/webp.h"
 #include "io/splats/codebook.h"
-#include "io/splats/sog.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_checks.h"
+#include "io/splats/splat_files.h"
 
 namespace tvsgs {
 namespace {

@@ -10,9 +10,6 @@
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"
 #include "io/splats/ply.h"
-#include "io/splats/sog.h"
-#include "io/splats/splat_glb.h"
-#include "io/splats/spz.h"
 
 namespace tvsgs {
 namespace {

@@ -1,5 +1,3 @@
-#include "io/splats/splat_glb.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -7,6 +5,7 @@
 #include "io/mesh/glb_chunk.h"
 #include "io/mesh/glb_document.h"
 #include "io/splats/splat_checks.h"
+#include "io/splats/splat_files.h"
 
 namespace tvsgs {
 namespace {
@@ -60,7 +59,7 @@ public:
         const auto take = [&](const std::string& name, const char* type, int width) {
             const GlbAccessor found = accessor(attributes, name.c_str(), type, width);
             if (found.count != count)
-                fail(str(name, ": ", found.count, " values for ", count, " positions"));
+                fail(name, ": ", found.count, " values for ", count, " positions");
             return found;
         };
         const GlbAccessor rotation = take(attribute("ROTATION"), "VEC4", 4),
@@ -75,7 +74,7 @@ public:
             sh.push_back(take(name, "VEC3", 3));
         });
         if (count == 0 || count > std::size_t{1} << 30)
-            fail(str("claims ", count, " splats; expected 1 to 2^30"));
+            fail("claims ", count, " splats; expected 1 to 2^30");
 
         Gaussians<Cpu> g;
         resize(g, static_cast<int>(count), degree);
@@ -105,7 +104,7 @@ private:
         for (const json& node : list(doc_, "nodes"))
             for (const char* moved : {"matrix", "rotation", "scale", "translation"})
                 if (!ours && node.is_object() && node.contains(moved))
-                    fail(str("a node has a ", moved, "; apply it to the splats first"));
+                    fail("a node has a ", moved, "; apply it to the splats first");
         const json* found = nullptr;
         for (const json& mesh : list(doc_, "meshes"))
             for (const json& primitive : list(mesh, "primitives")) {
@@ -113,7 +112,7 @@ private:
                 if (found) fail("more than one set of splats; expected one");
                 found = &primitive;
             }
-        if (!found) fail(str("no splats (", kExtension, ")"));
+        if (!found) fail("no splats (", kExtension, ")");
         const json& extension = member(member(*found, "extensions"), kExtension);
         if (whole(*found, "mode", glb::kTriangles) != glb::kPoints ||
             text(extension, "kernel") != "ellipse")

@@ -1,5 +1,3 @@
-#include "io/splats/spz.h"
-
 #include <zlib.h>
 #include <zstd.h>
 
@@ -13,6 +11,7 @@
 #include "core/version.h"
 #include "io/files/read_file.h"
 #include "io/splats/splat_checks.h"
+#include "io/splats/splat_files.h"
 #include "io/splats/spz_math.h"
 
 namespace tvsgs {
