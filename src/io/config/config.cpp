@@ -78,21 +78,14 @@ float to_float(double value) {
 
 /// Description of the allowed values, for help and messages.
 std::string expectation(const Option& option) {
-    switch (option.kind) {
-        case Option::Kind::boolean:
-            return "true or false";
-        case Option::Kind::integer:
-            return str("a whole number, ", grouped(static_cast<std::int64_t>(option.range.min)),
-                       " to ", grouped(static_cast<std::int64_t>(option.range.max)));
-        case Option::Kind::real:
-            return str("a number, ", number_text(option.range.min), " to ",
-                       number_text(option.range.max));
-        case Option::Kind::text:
-            return "text";
-        case Option::Kind::choice:
-            return str("one of ", joined(option.choices));
-    }
-    return {};
+    using enum Option::Kind;
+    const auto [min, max] = option.range;
+    if (option.kind == boolean) return "true or false";
+    if (option.kind == integer)
+        return str("a whole number, ", grouped(static_cast<std::int64_t>(min)), " to ",
+                   grouped(static_cast<std::int64_t>(max)));
+    if (option.kind == real) return str("a number, ", number_text(min), " to ", number_text(max));
+    return option.kind == text ? "text" : str("one of ", joined(option.choices));
 }
 
 /// Sets `text` to the text for option.set. Returns false if `value` is not allowed.
@@ -128,31 +121,20 @@ bool accepted(const Option& option, std::string_view value, std::string& text) {
             text = value;
             return true;
         case Option::Kind::choice: {
-            const auto same = [&](const std::string& name) {
-                return normalized(name) == normalized(text);
-            };
-            const auto found = std::find_if(option.choices.begin(), option.choices.end(), same);
-            if (found == option.choices.end()) return false;
-            text = *found;
-            return true;
+            const auto found = std::ranges::find(option.choices, normalized(text), normalized);
+            if (found != option.choices.end()) text = *found;
+            return found != option.choices.end();
         }
     }
     return false;
 }
 
+/// Some choices are named true and false.
 bool json_fits(const Json& value, Option::Kind kind) {
-    switch (kind) {
-        case Option::Kind::boolean:
-            return value.is_boolean();
-        case Option::Kind::integer:
-        case Option::Kind::real:
-            return value.is_number();
-        case Option::Kind::choice:  // some choices are named true and false
-            return value.is_string() || value.is_boolean();
-        case Option::Kind::text:
-            break;
-    }
-    return value.is_string();
+    using enum Option::Kind;
+    if (kind == integer || kind == real) return value.is_number();
+    return (value.is_boolean() && (kind == boolean || kind == choice)) ||
+           (value.is_string() && kind != boolean);
 }
 
 template <class Options>
@@ -172,9 +154,9 @@ std::string unknown_key_text(const std::vector<Option>& options,
                near.empty() ? "tvsgs-train --list-keys lists all keys"
                             : str("did you mean '", near, "'?"));
 }
-[[noreturn]] void throw_unknown(const std::vector<Option>& options,
-                                const std::string& key,
-                                const std::string& source) {
+template <class Options>
+auto& require_option(Options& options, const std::string& key, const std::string& source) {
+    if (auto* const found = find_option(options, key)) return *found;
     throw Error(ExitCode::usage, unknown_key_text(options, key, source));
 }
 
@@ -251,12 +233,6 @@ void collect(const std::string& file,
 
 }  // namespace
 
-Option& OptionTable::find(const std::string& key, const std::string& source) {
-    Option* option = find_option(options_, key);
-    if (!option) throw_unknown(options_, key, source);
-    return *option;
-}
-
 void OptionTable::set(Option& option, std::string_view value, const std::string& source) {
     std::string text;
     if (!accepted(option, value, text))
@@ -267,14 +243,11 @@ void OptionTable::set(Option& option, std::string_view value, const std::string&
 }
 
 void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
-    set(find(normalized(key), source), value, source);
+    set(require_option(options_, normalized(key), source), value, source);
 }
 
 const Option& OptionTable::option(std::string_view key) const {
-    const std::string name = normalized(key);
-    const Option* found = find_option(options_, name);
-    if (!found) throw_unknown(options_, name, "the program");
-    return *found;
+    return require_option(options_, normalized(key), "the program");
 }
 
 void OptionTable::set_all(const std::vector<std::string>& settings) {
@@ -303,7 +276,7 @@ void OptionTable::read_text(const std::string& source, const std::string& text, 
             throw Error(ExitCode::usage, file, ": ", key,
                         " is a group of keys; expected an object, {...}");
         }
-        Option& option = find(key, file);
+        Option& option = require_option(options_, key, file);
         if (!json_fits(value, option.kind))
             throw Error(ExitCode::usage, file, ": ", key, " = ", dumped(value), ": expected ",
                         expectation(option));

@@ -77,7 +77,6 @@ public:
     const std::vector<Option>& options() const { return options_; }
 
 private:
-    Option& find(const std::string& key, const std::string& source);
     void set(Option& option, std::string_view value, const std::string& source);
 
     struct Collector {
