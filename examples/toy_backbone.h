@@ -44,14 +44,13 @@ public:
         statistics_.front_pixels.resize(g.means.size());
         statistics_.dL_dmeans2d.fill_zero(), statistics_.abs_dL_dmeans2d.fill_zero();
         statistics_.front_pixels.fill_zero();
-        for_pixels([&](const Dot& dot, std::size_t pixel, float weight) {
-            statistics_.front_pixels[dot.splat] += 1;
+        for_pixels([&](const Dot& d, std::size_t pixel, float weight) {
+            statistics_.front_pixels[d.splat] += 1;
             if (dL_dimages.color.empty()) return;
             const Vec3f dL = weight * dL_dimages.color[pixel];
-            const float o = opacity(g, dot.splat);
-            dL_dgaussians.sh[dot.splat] += kShOfColor * o * dL;
-            dL_dgaussians.opacity_logits[dot.splat] +=
-                o * (1 - o) * tvsgs::dot(dL, color(g, dot.splat));
+            const float o = opacity(g, d.splat);
+            dL_dgaussians.sh[d.splat] += kShOfColor * o * dL;
+            dL_dgaussians.opacity_logits[d.splat] += o * (1 - o) * dot(dL, color(g, d.splat));
         });
     }
 
