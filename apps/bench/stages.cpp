@@ -204,7 +204,7 @@ Maps maps_of(Channels channels) {
 
 /// The iteration with the photometric loss, or with given derivatives of normal and depth.
 template <class Device>
-Measured measure(const StageCase& c, Channels channels, bool atomic, int warm_up, int repetitions) {
+Measured measure(const StageCase& c, Channels channels, int warm_up, int repetitions) {
     const Camera camera = stage_camera(c);
     const std::int64_t before = memory_use(Device{}).current_bytes;
     Gaussians<Device> splats, no_more;
@@ -224,7 +224,6 @@ Measured measure(const StageCase& c, Channels channels, bool atomic, int warm_up
         copy(std::vector<float>(pixels, share), dL_dimages.depth);
     }
     const auto backbone = make_backbone<Device>(TrainOptions{}.backbone, {});
-    if (atomic) backbone->use_atomic_sums();
     // At rate 0 Adam works as ever, but the view stays the same.
     Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats);
 
@@ -233,8 +232,14 @@ Measured measure(const StageCase& c, Channels channels, bool atomic, int warm_up
         if (has_color(channels))
             clock("photometric loss", [&] {
                 dL_dimages.color.fill_zero();
-                photometric_loss(images.color.span(), photo.span(), c.width, c.height, {0.8f, 0.2f},
-                                 scratch, dL_dimages.color.span(), pixel_loss.span(), Device{});
+                photometric_loss({images.color.span(),
+                                  photo.span(),
+                                  c.width,
+                                  c.height,
+                                  {0.8f, 0.2f},
+                                  dL_dimages.color.span(),
+                                  pixel_loss.span()},
+                                 scratch);
             });
         const FusedGradients& gradients = *backbone->blend_backward(splats, dL_dimages);
         clock("project backward and Adam",
@@ -372,17 +377,13 @@ StagesBench::StagesBench(CLI::App& app)
     CLI::Option* const channels = c.add_option("--channels", channels_, "maps to render")
                                       ->check(CLI::IsMember({"color", "color_plane", "plane"}))
                                       ->capture_default_str();
-    CLI::Option* const atomic = c.add_flag(
-        "--atomic-sums", atomic_,
-        "sum gradients with floating-point atomics: shows the cost of deterministic sums");
     CLI::Option* const config =
         c.add_option("-c,--config", configs_,
                      "JSON file of a training; times its last iteration with all losses, on a "
                      "surface that two views see; later files win")
             ->expected(1)
             ->take_all()
-            ->excludes(channels)
-            ->excludes(atomic);
+            ->excludes(channels);
     c.add_option("--set", settings_, "any key of the configuration")
         ->expected(1)
         ->take_all()
@@ -400,8 +401,6 @@ StagesBench::StagesBench(CLI::App& app)
 
 int StagesBench::run() const {
     const DeviceChoice device = choose_device(device_);
-    if (atomic_ && !device.cuda)
-        throw Error(ExitCode::usage, "--atomic-sums: needs a GPU; give --device cuda");
     const Channels channels = channels_ == "color"         ? Channels::color
                               : channels_ == "color_plane" ? Channels::color_plane
                                                            : Channels::plane;
@@ -423,7 +422,7 @@ int StagesBench::run() const {
         const Measured m = on_device(device, [&](auto tag) {
             using Device = decltype(tag);
             return training ? measure_training<Device>(c, options, warm_up_, repetitions_)
-                            : measure<Device>(c, channels, atomic_, warm_up_, repetitions_);
+                            : measure<Device>(c, channels, warm_up_, repetitions_);
         });
         const JsonValue stages =
             m.timings.json([&](const std::string& stage, double median_ms, JsonValue& line) {
@@ -457,7 +456,6 @@ int StagesBench::run() const {
             .add("width", c.width)
             .add("height", c.height)
             .add("channels", kChannelNames[static_cast<int>(m.channels)])
-            .add("atomic_sums", atomic_)
             .add("counters", counters)
             .add("losses", losses)
             .add("stages", stages)

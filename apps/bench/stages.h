@@ -48,7 +48,7 @@ private:
     std::string device_ = "auto", channels_ = "color", out_;
     int repetitions_ = 50, warm_up_ = 20;
     double scale_ = 1, splats_scale_ = 1, pixels_scale_ = 1;
-    bool atomic_ = false, quiet_ = false;
+    bool quiet_ = false;
 };
 
 }  // namespace tvsgs

@@ -97,9 +97,8 @@ struct ScreenStatistics {
 };
 
 /// Definition of a pixel's surface depth. plane: depth of the blended plane; expected: mean depth
-/// of the blended splats by weight; median: depth at which half of the light is absorbed (surfels:
-/// depth of the last splat that more than half of the light reaches). automatic: plane if the
-/// backbone has planes, else median.
+/// of the blended splats by weight; median: depth of the last splat that more than half of the
+/// light reaches. automatic: plane if the backbone has planes, else median.
 enum class SurfaceDepth { automatic, plane, expected, median };
 
 struct BackboneOptions {
@@ -218,10 +217,6 @@ public:
 
     /// Counts the work of blending in the last forward(). Takes about as long as the blending.
     virtual BlendWork blend_work() const { return {}; }
-
-    /// For measurements: from now on sums over fragments use atomics, see
-    /// FragmentGradients::atomic.
-    virtual void use_atomic_sums() {}
 
     /// Times of the parts of forward() and backward(), if switched on.
     StageClock<Device>& clock() { return clock_; }

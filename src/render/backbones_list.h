@@ -23,57 +23,47 @@ void add_backbone(const std::string& name, MakeBackbone<Device> make) {
     added_backbones<Device>()[name] = std::move(make);
 }
 
-/// Throws if the backbone does not support render.depth.
-inline void require_depth(const char* backbone,
-                          const BackboneOptions& options,
-                          bool made,
-                          const char* expected) {
-    if (options.depth != SurfaceDepth::automatic && !made)
-        throw Error(ExitCode::usage, str("render.depth: backbone '", backbone, "' makes ", expected,
-                                         "; expected that or auto, or another backbone"));
-}
-
-/// Throws for rays off the pixel centres, for a backbone without them.
-inline void require_exact_rays(const char* backbone, const BackboneOptions& o) {
-    if (o.pixel_center != PixelCenter::exact)
-        throw Error(ExitCode::usage,
-                    str("render.pixel_center: backbone '", backbone,
-                        "' does not go by it; expected its default, or another backbone"));
-}
-
 /// Name and constructor of a backbone.
 template <class Device>
 struct BackboneEntry {
     const char* name;
     std::unique_ptr<Backbone<Device>> (*make)(const BackboneOptions&);
+    bool has_planes =
+        false;  // depth of blended planes on any rays; else mean or median, exact rays
 };
+
+template <template <class> class Made, class Device>
+std::unique_ptr<Backbone<Device>> make(const BackboneOptions& options) {
+    return std::make_unique<Made<Device>>(options);
+}
 
 template <class Device>
 inline constexpr BackboneEntry<Device> kBackbones[] = {
-    {"ewa",
-     [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
-         return std::make_unique<EwaBackbone<Device>>(o);
-     }},
-    {"surfel",
-     [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
-         require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
-         require_exact_rays("surfel", o);
-         return std::make_unique<SurfelBackbone<Device>>(o);
-     }},
-    {"rade",
-     [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
-         require_depth("rade", o, o.depth != SurfaceDepth::plane, "expected and median");
-         require_exact_rays("rade", o);
-         return std::make_unique<RadeBackbone<Device>>(o);
-     }},
+    {"ewa", make<EwaBackbone, Device>, true},
+    {"surfel", make<SurfelBackbone, Device>},
+    {"rade", make<RadeBackbone, Device>},
 };
+
+/// Throws for depths and rays that the backbone does not make.
+template <class Device>
+void check_depth(const BackboneEntry<Device>& backbone, const BackboneOptions& o) {
+    if (o.depth != SurfaceDepth::automatic &&
+        backbone.has_planes != (o.depth == SurfaceDepth::plane))
+        throw Error(ExitCode::usage, str("render.depth: backbone '", backbone.name, "' makes ",
+                                         backbone.has_planes ? "plane" : "expected and median",
+                                         "; expected that or auto, or another backbone"));
+    if (!backbone.has_planes && o.pixel_center != PixelCenter::exact)
+        throw Error(ExitCode::usage,
+                    str("render.pixel_center: backbone '", backbone.name,
+                        "' does not go by it; expected its default, or another backbone"));
+}
 
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options) {
     std::string known;
     for (const auto& entry : kBackbones<Device>) {
-        if (entry.name == name) return entry.make(options);
+        if (entry.name == name) return check_depth(entry, options), entry.make(options);
         known += str(known.empty() ? "" : ", ", entry.name);
     }
     for (const auto& [added, make] : added_backbones<Device>()) {

@@ -96,7 +96,6 @@ TEST_F(Bench, TimesTheStagesOfPlaneChannels) {
         EXPECT_EQ(r.lines.at(0).at("channels"), channels);
     }
     EXPECT_EQ(bench("stages --case nothing").code, 2);
-    EXPECT_EQ(bench("stages --case one --atomic-sums --device cpu").code, 2);
     EXPECT_EQ(bench("").code, 2);
 }
 

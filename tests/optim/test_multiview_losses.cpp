@@ -368,10 +368,14 @@ TEST(Exposure, DerivativeOfTheRender) {
     PhotometricScratch<Cpu> scratch;
     std::vector<Vec3f> g(c.color.size(), Vec3f{});
     std::vector<float> loss(c.color.size());
-    photometric_loss(Span<const Vec3f>{c.color.data(), c.color.size()},
-                     Span<const std::uint8_t>{c.photo.data(), c.photo.size()}, c.width, c.height,
-                     {0.8f, 0.2f}, scratch, {g.data(), g.size()}, {loss.data(), loss.size()},
-                     Cpu{});
+    photometric_loss({{c.color.data(), c.color.size()},
+                      {c.photo.data(), c.photo.size()},
+                      c.width,
+                      c.height,
+                      {0.8f, 0.2f},
+                      {g.data(), g.size()},
+                      {loss.data(), loss.size()}},
+                     scratch);
     double sum = 0;
     for (float l : loss) sum += static_cast<double>(l);
     EXPECT_TRUE(close(r.first_value, sum, 1e-5));

@@ -4,8 +4,8 @@
 
 namespace tvsgs::test {
 
-DiscResult blend_discs_cuda(const DiscCase& in, bool atomic) {
-    return blend_discs<Cuda>(in, atomic);
+DiscResult blend_discs_cuda(const DiscCase& in) {
+    return blend_discs<Cuda>(in);
 }
 
 }  // namespace tvsgs::test

@@ -181,7 +181,7 @@ struct DiscResult {
 };
 
 template <class Device>
-DiscResult blend_discs(const DiscCase& in, bool atomic = false) {
+DiscResult blend_discs(const DiscCase& in) {
     const TileGrid grid = tile_grid(in.width, in.height);
     SplatsOf<DiscModel, Device> splats;
     std::vector<float> depths;
@@ -208,7 +208,6 @@ DiscResult blend_discs(const DiscCase& in, bool atomic = false) {
     Buffer<DiscModel::PixelGradient, Device> dL_dpixels;
     copy(in.dL_dpixels, dL_dpixels);
     FragmentGradients<Device, DiscGradients> fragments;
-    fragments.atomic = atomic;
     const DiscImages<Device>& blended = images;
     blend_tiles_vjp<DiscModel>(splats, lists, grid,
                                {blended.transmittance.span(), blended.depth.span(),
@@ -229,6 +228,6 @@ DiscResult blend_discs(const DiscCase& in, bool atomic = false) {
 }
 
 /// blend_discs<Cuda>, compiled by nvcc.
-DiscResult blend_discs_cuda(const DiscCase& in, bool atomic = false);
+DiscResult blend_discs_cuda(const DiscCase& in);
 
 }  // namespace tvsgs::test

@@ -84,8 +84,9 @@ std::pair<double, std::vector<Vec3f>> run(const Images& images) {
     Buffer<float, Device> loss(images.color.size());
     gradient.fill_zero();
     PhotometricScratch<Device> scratch;
-    photometric_loss(color.span(), photo.span(), kWidth, kHeight, kWeights, scratch,
-                     gradient.span(), loss.span(), Device{});
+    photometric_loss(
+        {color.span(), photo.span(), kWidth, kHeight, kWeights, gradient.span(), loss.span()},
+        scratch);
     double sum = 0;
     for (float l : to_host(loss)) sum += static_cast<double>(l);
     return {sum, to_host(gradient)};

@@ -109,8 +109,9 @@ public:
         const bool expose = exposes_at(in.step);
         PhotometricWeights weights = weights_;
         if (expose) weights.l1 = 0;  // SSIM always compares the render itself
-        photometric_loss(compared.color, compared.photo, in.images.width, in.images.height, weights,
-                         scratch_, compared.dL_dcolor, pixel_loss_.span(), Device{});
+        photometric_loss({compared.color, compared.photo, in.images.width, in.images.height,
+                          weights, compared.dL_dcolor, pixel_loss_.span()},
+                         scratch_);
         if (expose) {
             ssim_loss_.resize(1);
             ssim_loss_.fill_zero();

@@ -2,7 +2,6 @@
 // gradients of the parameters from their sums over pixels.
 #pragma once
 
-#include "render/depth/ray_depth.h"
 #include "render/ewa/blend_ewa.h"
 #include "render/tiles/splat_vjp.h"
 #include "render/tiles/view_splats.h"
@@ -11,16 +10,10 @@ namespace tvsgs {
 
 /// Projection of splats; see splat_places.h.
 template <Channels kChannels>
-struct ProjectBody {
+struct ProjectBody : SplatParameters {
     ViewParameters view;
-    Span<const Vec3f> means, log_scales;
-    Span<const Quatf> quats;
-    Span<const float> opacity_logits;
+    ViewRecords<SplatShape<float>, FeatureRecord> to;
     ColorShare color_share;
-    Span<SplatShape<float>> shapes;
-    Span<FeatureRecord> features;
-    Span<float> depths;
-    Span<TileRect> rects;
 
     struct Found {
         Vec3f p;
@@ -38,18 +31,17 @@ struct ProjectBody {
     }
     TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
     TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
-        features[at].color_share = color_share(i);
-        SplatShape<float>& shape = shapes[at];  // nvcc would copy it byte by byte
+        FeatureRecord& out = to.features[at];
+        out.color_share = color_share(i);
+        SplatShape<float>& shape = to.shapes[at];  // nvcc would copy it byte by byte
         shape.mean = f.e.shape.mean, shape.root = f.e.shape.root;
         shape.opacity = f.e.shape.opacity, shape.reach = f.e.shape.reach;
-        depths[at] = f.p.z;
-        rects[at] = f.e.rect;
-
+        to.depths[at] = f.p.z;
+        to.rects[at] = f.e.rect;
         if constexpr (has_plane(kChannels)) {
             const CameraPlane<float> plane = camera_plane(view.camera.camera_from_world.R, f.R,
                                                           smallest_axis(log_scales[i]), f.p);
-            features[at].f.normal = plane.normal;
-            features[at].f.distance = plane.distance;
+            out.f.normal = plane.normal, out.f.distance = plane.distance;
         }
     }
 };
@@ -58,21 +50,19 @@ struct ProjectBody {
 template <Channels kChannels>
 struct EwaVjp {
     static constexpr bool kColor = has_color(kChannels);
+    using Sums = SplatGradients<float>;
 
     ViewParameters view;
     Span<const SplatShape<float>> shapes;
     Span<const FeatureRecord> features;
-    SplatSums<SplatGradients<float>> sums;
-    // As in `sums`; empty if depth along rays has no gradient.
-    Span<const RayDepthGradients> ray_fragments;
-    Span<const std::uint8_t> ray_drawn;
+    SplatSums<Sums> sums;
 
     template <class Visit>
     TVSGS_HD bool operator()(int i,
                              const SplatGeometry& splat,
                              SplatGeometry& sum,
                              Visit& visit) const {
-        SplatGradients<float> g;
+        Sums g;
         std::uint32_t at = 0;
         if (!finish(i, at, g)) return false;
         Vec3f dL_dmean{};  // SH first: it needs most registers
@@ -101,50 +91,14 @@ struct EwaVjp {
                 ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
             }
         }
-        if constexpr (has_ray(kChannels)) {
-            if (const RayDepthGradients* const by_depth = ray_gradients(at)) {
-                const auto ray = ray_profile_vjp(view.camera, R, scales, p, by_depth->profile);
-                dL_dp += ray.dL_dp;
-                ellipse.dL_dlog_s += ray.dL_dlog_s;
-                for (int r = 0; r < 3; ++r)
-                    for (int c = 0; c < 3; ++c) ellipse.dL_dR[r][c] += ray.dL_dR[r][c];
-            }
-        }
         sum.mean += dL_dmean + transpose_times(view.camera.camera_from_world.R, dL_dp);
         sum.log_scale += ellipse.dL_dlog_s;
         add(sum.quat, rotation_vjp(splat.quat, ellipse.dL_dR));
         return true;
     }
 
-    TVSGS_HD void observe(int i) const {
-        SplatGradients<float> g;
-        std::uint32_t at = 0;
-        finish(i, at, g);
-    }
-
-private:
-    /// Null if the Gaussian, which drew something, has no gradient from depth.
-    TVSGS_HD const RayDepthGradients* ray_gradients(std::uint32_t at) const {
-        const std::uint32_t first = sums.first_fragment[at];
-        return ray_fragments.empty() || !ray_drawn[first] ? nullptr : &ray_fragments[first];
-    }
-
-    /// Completes the sums of Gaussian i and writes its statistics; absolute values ignore depth
-    /// along rays. `at`: its place. Returns false and leaves `g` unchanged if it drew nothing.
-    TVSGS_HD bool finish(int i, std::uint32_t& at, SplatGradients<float>& g) const {
-        const SplatGradients<float>* const blended = sums.find(i, at);
-        if (blended == nullptr) {
-            sums.write(i, {}, {}, 0);
-            return false;
-        }
-        g = *blended;
-        if constexpr (has_ray(kChannels)) {
-            if (const RayDepthGradients* const by_depth = ray_gradients(at)) {
-                g.mean += by_depth->mean, g.opacity += by_depth->opacity;
-                g.spread.xx += by_depth->spread.xx, g.spread.xy += by_depth->spread.xy;
-                g.spread.yy += by_depth->spread.yy;
-            }
-        }
+    TVSGS_HD bool finish(int i, std::uint32_t& at, Sums& g) const {
+        if (!sums.take(i, at, g)) return false;
         complete(g, shapes[at]);
         sums.write(i, per_ndc(view.grid, g.mean), per_ndc(view.grid, g.abs_mean), g.front_pixels);
         return true;

@@ -19,7 +19,7 @@ template <class Device>
 using EwaFragmentGradients = FragmentGradients<Device, SplatGradients<float>>;
 
 /// Writes the images of the channel set with a black background. Writes depth only with plane
-/// channels, along the rays of `camera`.
+/// channels, along the rays of images.camera.
 template <Channels kChannels>
 struct PixelWriter {
     Span<Vec3f> color, normal;
@@ -27,13 +27,13 @@ struct PixelWriter {
     Camera camera;
 
     template <class Device>
-    PixelWriter(RenderedImages<Device>& images, Buffer<float, Device>& distances, const Camera& c)
+    PixelWriter(RenderedImages<Device>& images, Buffer<float, Device>& distances)
         : color(images.color.span()),
           normal(images.normal.span()),
           transmittance(images.transmittance.span()),
           distance(distances.span()),
           depth(images.depth.span()),
-          camera(c) {}
+          camera(images.camera) {}
 
     TVSGS_HD void operator()(int x, int y, const PixelForward<float>& pixel) const {
         const int at = y * camera.width_px + x;

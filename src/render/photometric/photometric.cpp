@@ -146,43 +146,33 @@ private:
 
 }  // namespace
 
-void photometric_loss(Span<const Vec3f> color,
-                      Span<const std::uint8_t> photo,
-                      int width,
-                      int height,
-                      PhotometricWeights weights,
-                      PhotometricScratch<Cpu>& scratch,
-                      Span<Vec3f> dL_dcolor,
-                      Span<float> pixel_loss,
-                      Cpu) {
-    const float per_value = 1.0f / (3.0f * static_cast<float>(width) * static_cast<float>(height));
-    const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-    scratch.dS_dx.resize(pixels), scratch.dS_dxx.resize(pixels), scratch.dS_dxy.resize(pixels);
-    scratch.photo.resize(3 * pixels);
+void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cpu>& scratch) {
+    const auto numbers = 3 * static_cast<std::size_t>(in.width);  // of a row
+    scratch.resize(in.color.count), scratch.photo.resize(3 * in.color.count);
     const auto floats = [](auto* data) { return &data->x; };
-    const PhotometricRow row{width,
-                             height,
-                             weights,
-                             per_value,
-                             floats(color.data),
+    const PhotometricRow row{in.width,
+                             in.height,
+                             in.weights,
+                             in.per_value(),
+                             floats(in.color.data),
                              scratch.photo.data(),
                              floats(scratch.dS_dx.data()),
                              floats(scratch.dS_dxx.data()),
                              floats(scratch.dS_dxy.data()),
-                             floats(dL_dcolor.data),
-                             pixel_loss.data};
+                             floats(in.dL_dcolor.data),
+                             in.pixel_loss.data};
     const bool wide = has_wide_packs();
     const auto for_rows = [&](const auto& body) {
-        parallel_for_heavy(Cpu{}, height, [&](int y) {
+        parallel_for_heavy(Cpu{}, in.height, [&](int y) {
             std::vector<float> columns(
                 static_cast<std::size_t>((PhotometricRow::kMoments + 1) * row.stride()));
             body(y, columns.data());
         });
     };
-    parallel_for_heavy(Cpu{}, height, [&](int y) {
-        const std::size_t first = static_cast<std::size_t>(y) * static_cast<std::size_t>(3 * width);
-        for (std::size_t i = first; i < first + static_cast<std::size_t>(3 * width); ++i)
-            scratch.photo[i] = static_cast<float>(photo[i]) / 255;
+    parallel_for_heavy(Cpu{}, in.height, [&](int y) {
+        const std::size_t first = static_cast<std::size_t>(y) * numbers;
+        for (std::size_t i = first; i < first + numbers; ++i)
+            scratch.photo[i] = static_cast<float>(in.photo[i]) / 255;
     });
     for_rows([&](int y, float* columns) {
         wide ? row.wide_moments(y, columns) : row.narrow_moments(y, columns);

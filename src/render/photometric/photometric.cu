@@ -116,22 +116,16 @@ struct DerivativePlanes {
 };
 
 /// Writes the shares of the loss, and the derivatives of channel c at c * pixels.
-__global__ void __launch_bounds__(kThreads, kBlocks) moments_kernel(Span<const Vec3f> color,
-                                                                    const std::uint8_t* photo,
-                                                                    int width,
-                                                                    int height,
-                                                                    PhotometricWeights weights,
-                                                                    float per_value,
-                                                                    DerivativePlanes out,
-                                                                    float* pixel_loss) {
+__global__ void __launch_bounds__(kThreads, kBlocks)
+    moments_kernel(PhotometricImages in, float per_value, DerivativePlanes out) {
     __shared__ Tile<2> tile;
     __shared__ Rows<5> rows;
     const Column column;
     float loss[kDown] = {};
 #pragma unroll 1
     for (int c = 0; c < 3; ++c) {
-        fill<2>(tile, width, height, [&](int p, float(&values)[2]) {
-            values[0] = color[p][c], values[1] = photo_value(photo, p, c);
+        fill<2>(tile, in.width, in.height, [&](int p, float(&values)[2]) {
+            values[0] = in.color[p][c], values[1] = photo_value(in.photo.data, p, c);
         });
         __syncthreads();
         sum_rows<2, 5>(tile, rows, [](const float(&v)[2], float(&m)[5]) {
@@ -146,36 +140,31 @@ __global__ void __launch_bounds__(kThreads, kBlocks) moments_kernel(Span<const V
         sum_columns(rows, column, sums);
 #pragma unroll
         for (int j = 0; j < kDown; ++j) {
-            const int p = column.pixel(j, width, height);
+            const int p = column.pixel(j, in.width, in.height);
             const float(&m)[5] = sums[j];
             const auto t = ssim_terms<float>({m[0], m[1], m[2], m[3], m[4]});
-            loss[j] += detail::loss_share(centre[j][0], centre[j][1], t.ssim, weights, per_value);
+            loss[j] +=
+                detail::loss_share(centre[j][0], centre[j][1], t.ssim, in.weights, per_value);
             if (p < 0) continue;
-            const std::size_t at = static_cast<std::size_t>(c) * color.count + p;
+            const std::size_t at = static_cast<std::size_t>(c) * in.color.count + p;
             out.dx[at] = t.dS_dx, out.dxx[at] = t.dS_dxx, out.dxy[at] = t.dS_dxy;
         }
     }
     for (int j = 0; j < kDown; ++j)
-        if (const int p = column.pixel(j, width, height); p >= 0) pixel_loss[p] = loss[j];
+        if (const int p = column.pixel(j, in.width, in.height); p >= 0) in.pixel_loss[p] = loss[j];
 }
 
-__global__ void __launch_bounds__(kThreads, kBlocks) gradient_kernel(Span<const Vec3f> color,
-                                                                     const std::uint8_t* photo,
-                                                                     int width,
-                                                                     int height,
-                                                                     PhotometricWeights weights,
-                                                                     float per_value,
-                                                                     DerivativePlanes in,
-                                                                     Span<Vec3f> dL_dcolor) {
+__global__ void __launch_bounds__(kThreads, kBlocks)
+    gradient_kernel(PhotometricImages in, float per_value, DerivativePlanes by) {
     __shared__ Tile<3> tile;
     __shared__ Rows<3> rows;
     const Column column;
 #pragma unroll 1
     for (int c = 0; c < 3; ++c) {
-        const std::size_t plane = static_cast<std::size_t>(c) * color.count;
-        fill<3>(tile, width, height, [&](int p, float(&values)[3]) {
-            values[0] = in.dx[plane + p], values[1] = in.dxx[plane + p],
-            values[2] = in.dxy[plane + p];
+        const std::size_t plane = static_cast<std::size_t>(c) * in.color.count;
+        fill<3>(tile, in.width, in.height, [&](int p, float(&values)[3]) {
+            values[0] = by.dx[plane + p], values[1] = by.dxx[plane + p],
+            values[2] = by.dxy[plane + p];
         });
         __syncthreads();
         sum_rows<3, 3>(tile, rows, [](const float(&v)[3], float(&m)[3]) {
@@ -186,36 +175,24 @@ __global__ void __launch_bounds__(kThreads, kBlocks) gradient_kernel(Span<const 
         sum_columns(rows, column, sums);
 #pragma unroll
         for (int j = 0; j < kDown; ++j) {
-            const int p = column.pixel(j, width, height);
+            const int p = column.pixel(j, in.width, in.height);
             if (p >= 0)
-                dL_dcolor[p][c] +=
-                    detail::loss_derivative(color[p][c], photo_value(photo, p, c), sums[j][0],
-                                            sums[j][1], sums[j][2], weights, per_value);
+                in.dL_dcolor[p][c] += detail::loss_derivative(
+                    in.color[p][c], photo_value(in.photo.data, p, c), sums[j][0], sums[j][1],
+                    sums[j][2], in.weights, per_value);
         }
     }
 }
 
 }  // namespace
 
-void photometric_loss(Span<const Vec3f> color,
-                      Span<const std::uint8_t> photo,
-                      int width,
-                      int height,
-                      PhotometricWeights weights,
-                      PhotometricScratch<Cuda>& scratch,
-                      Span<Vec3f> dL_dcolor,
-                      Span<float> pixel_loss,
-                      Cuda) {
-    const float per_value = 1.0f / (3.0f * static_cast<float>(width) * static_cast<float>(height));
-    scratch.dS_dx.resize(color.count), scratch.dS_dxx.resize(color.count),
-        scratch.dS_dxy.resize(color.count);
+void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cuda>& scratch) {
+    scratch.resize(in.color.count);
     const DerivativePlanes planes{&scratch.dS_dx.data()->x, &scratch.dS_dxx.data()->x,
                                   &scratch.dS_dxy.data()->x};
-    const dim3 blocks((width + kWidth - 1) / kWidth, (height + kHeight - 1) / kHeight);
-    moments_kernel<<<blocks, kThreads>>>(color, photo.data, width, height, weights, per_value,
-                                         planes, pixel_loss.data);
-    gradient_kernel<<<blocks, kThreads>>>(color, photo.data, width, height, weights, per_value,
-                                          planes, dL_dcolor);
+    const dim3 blocks((in.width + kWidth - 1) / kWidth, (in.height + kHeight - 1) / kHeight);
+    moments_kernel<<<blocks, kThreads>>>(in, in.per_value(), planes);
+    gradient_kernel<<<blocks, kThreads>>>(in, in.per_value(), planes);
     check_launch();
 }
 

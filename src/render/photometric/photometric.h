@@ -1,5 +1,4 @@
-// Photometric loss: L1 + SSIM of a render against a photograph, value and gradient.  [Kerbl23, Eq.
-// 7]
+// Photometric loss: L1 + SSIM of a render against a photograph.  [Kerbl23, Eq. 7]
 #pragma once
 
 #include "core/device/buffer.h"
@@ -16,32 +15,29 @@ struct PhotometricWeights {
 /// Scratch memory, kept between calls.
 template <class Device>
 struct PhotometricScratch {
-    Buffer<Vec3f, Device> dS_dx, dS_dxx,
-        dS_dxy;                   // [H W] derivatives by the windowed moments
-    Buffer<float, Device> photo;  // [H W 3] 0 to 1; CPU only
+    Buffer<Vec3f, Device> dS_dx, dS_dxx, dS_dxy;  // [H W] derivatives by the windowed moments
+    Buffer<float, Device> photo;                  // [H W 3] 0 to 1; CPU only
+
+    void resize(std::size_t pixels) {
+        dS_dx.resize(pixels), dS_dxx.resize(pixels), dS_dxy.resize(pixels);
+    }
 };
 
-/// Adds dL/dcolor to `dL_dcolor` [H W]. Writes each pixel's share of L to `pixel_loss` [H W]; their
-/// sum is L.
-///   color   rendered [H W], not clamped;   photo   [H W 3], 0 to 255
-void photometric_loss(Span<const Vec3f> color,
-                      Span<const std::uint8_t> photo,
-                      int width,
-                      int height,
-                      PhotometricWeights weights,
-                      PhotometricScratch<Cpu>& scratch,
-                      Span<Vec3f> dL_dcolor,
-                      Span<float> pixel_loss,
-                      Cpu);
-void photometric_loss(Span<const Vec3f> color,
-                      Span<const std::uint8_t> photo,
-                      int width,
-                      int height,
-                      PhotometricWeights weights,
-                      PhotometricScratch<Cuda>& scratch,
-                      Span<Vec3f> dL_dcolor,
-                      Span<float> pixel_loss,
-                      Cuda);
+/// A render and its photograph, with the results. [H W] each.
+struct PhotometricImages {
+    Span<const Vec3f> color;         // rendered, not clamped
+    Span<const std::uint8_t> photo;  // [H W 3] 0 to 255
+    int width, height;
+    PhotometricWeights weights;
+    Span<Vec3f> dL_dcolor;   // gets dL/dcolor added
+    Span<float> pixel_loss;  // overwritten: each pixel's share of L; their sum is L
+
+    float per_value() const {
+        return 1.0f / (3.0f * static_cast<float>(width) * static_cast<float>(height));
+    }
+};
+void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cpu>& scratch);
+void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cuda>& scratch);
 
 namespace detail {
 

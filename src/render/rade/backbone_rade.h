@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 
-#include "render/tiles/channels.h"
 #include "render/tiles/tiled_backbone.h"
 
 namespace tvsgs {
@@ -39,13 +38,15 @@ struct SmoothingFilterBody {
 
 template <class Device>
 class RadeBackbone final : public TiledBackbone<Device> {
+    using Base = TiledBackbone<Device>;
+    using Base::channels_, Base::images_, Base::lists_, Base::options_, Base::stops_, Base::view_;
+
 public:
     static constexpr BackboneTraits kTraits{
         .maps = Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage,
         .fades_thin_splats = true};
 
-    explicit RadeBackbone(const BackboneOptions& options)
-        : TiledBackbone<Device>(kTraits), options_(options) {}
+    explicit RadeBackbone(const BackboneOptions& options) : Base(kTraits, options) {}
 
     /// Computes the filter at the beginning, after splats were added or removed, and every 100
     /// steps after growth has ended, at the published iterations for any length of the run.
@@ -76,65 +77,34 @@ public:
                                           const Camera& camera,
                                           int sh_degree,
                                           Maps maps) override {
-        maps_ = has(maps, kGeometryMaps | Maps::expected_depth);
-        color_ = has(maps, Maps::color) || !maps_;
-        view_ = {pinhole<float>(camera),
-                 camera_centre(camera),
-                 tile_grid(camera.width_px, camera.height_px),
-                 sh_degree < g.sh_degree ? sh_degree : g.sh_degree,
-                 options_.near,
-                 /*low_pass=*/0};  // the filter replaces it
-        resize_images(camera);
+        // The filter replaces the low-pass.
+        this->begin(g, camera, sh_degree, channels_of(maps, kGeometryMaps | Maps::expected_depth));
+        images_.expected_depth.resize(this->plane_pixels());
+        normal_length_.resize(this->plane_pixels());
         const auto project = [&](auto& to) {
-            return ProjectRadeBody{view_,
-                                   maps_,
-                                   g.means.span(),
-                                   g.log_scales.span(),
-                                   g.quats.span(),
-                                   g.opacity_logits.span(),
-                                   g.filter.span(),
-                                   to.shapes.span(),
-                                   to.features.span(),
-                                   to.depths.span(),
-                                   to.rects.span()};
+            return ProjectRadeBody{parameters_of(g), view_, to.records(), g.filter.span(),
+                                   has_plane(channels_)};
         };
-        std::optional<ViewColors> colors;
-        if (color_) colors = {view_.centre, view_.sh_degree};
-        this->list_splats(g, view_.grid, project, colors, splats_);
-        this->clock()("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
+        this->list_splats(g, project, splats_);
+        this->clock()("blend",
+                      [&] { has_plane(channels_) ? blend_as<true>() : blend_as<false>(); });
         return images_;
     }
 
     const FusedGradients* blend_backward(const Gaussians<Device>& g,
                                          const ImageGradients<Device>& dL_dimages) override {
-        with_maps(maps_, color_, [&]<bool kMaps, bool kColor>() {
-            this->clock()("blend backward", [&] { blend_back_as<kMaps>(dL_dimages); });
-            gradients_.vjp = RadeVjp<kMaps, kColor>{view_, std::as_const(splats_.shapes).span(),
-                                                    std::as_const(splats_.features).span(),
-                                                    this->sums(fragments_), g.filter.span()};
+        with_channels(channels_, [&]<Channels kChannels>() {
+            this->clock()("blend backward",
+                          [&] { blend_back_as<has_plane(kChannels)>(dL_dimages); });
+            this->gradients_.vjp =
+                RadeVjp<kChannels>{view_, splats_.shapes.span(), splats_.features.span(),
+                                   this->sums(fragments_), g.filter.span()};
         });
-        return &gradients_;
+        return &this->gradients_;
     }
-
-    void use_atomic_sums() override { fragments_.atomic = true; }
 
 private:
-    using TiledBackbone<Device>::images_, TiledBackbone<Device>::lists_,
-        TiledBackbone<Device>::statistics_, TiledBackbone<Device>::stops_,
-        TiledBackbone<Device>::gradients_;
-
     static constexpr int kRefreshAfter = 15000, kRefreshBefore = 29900;
-
-    void resize_images(const Camera& camera) {
-        const std::size_t pixels = std::size_t(camera.width_px) * std::size_t(camera.height_px),
-                          geometry = maps_ ? pixels : 0;
-        images_.width = camera.width_px, images_.height = camera.height_px;
-        images_.camera = camera;
-        images_.color.resize(color_ ? pixels : 0);
-        images_.transmittance.resize(pixels), stops_.resize(pixels);
-        images_.normal.resize(geometry), images_.depth.resize(geometry);
-        images_.expected_depth.resize(geometry), normal_length_.resize(geometry);
-    }
 
     template <bool kMaps>
     void blend_as() {
@@ -142,7 +112,7 @@ private:
             splats_, lists_, view_.grid,
             {images_.camera, images_.color.span(), images_.normal.span(),
              images_.transmittance.span(), images_.depth.span(), images_.expected_depth.span(),
-             normal_length_.span(), median()},
+             normal_length_.span(), this->median()},
             stops_);
     }
     template <bool kMaps>
@@ -153,15 +123,10 @@ private:
             {images.camera, dL.color.span(), dL.normal.span(), dL.depth.span(),
              dL.expected_depth.span(), images.normal.span(), images.transmittance.span(),
              images.depth.span(), images.expected_depth.span(),
-             std::as_const(normal_length_).span(), median(), dL.transmittance.span()},
+             std::as_const(normal_length_).span(), this->median(), dL.transmittance.span()},
             images.transmittance, stops_, fragments_);
     }
 
-    bool median() const { return options_.depth != SurfaceDepth::expected; }
-
-    BackboneOptions options_;
-    bool color_ = true, maps_ = false;  // of the last forward()
-    ViewParameters view_{};
     Buffer<Pinhole<float>, Device> cameras_;  // of the last prepare() that needed them
     ViewSplats<Device, SplatShape<float>, RadeRecord> splats_;
     Buffer<float, Device> normal_length_;  // [H W] before normalisation

@@ -19,17 +19,11 @@ TVSGS_HD inline SmoothedSplat<float> smoothed_at(Span<const float> filter, int i
 inline constexpr float kLeastRadeDet = 1e-6f;
 
 /// Projection of splats; see splat_places.h.
-struct ProjectRadeBody {
+struct ProjectRadeBody : SplatParameters {
     ViewParameters view;
-    bool maps;
-    Span<const Vec3f> means, log_scales;
-    Span<const Quatf> quats;
-    Span<const float> opacity_logits;
+    ViewRecords<SplatShape<float>, RadeRecord> to;
     Span<const float> filter;  // may be empty
-    Span<SplatShape<float>> shapes;
-    Span<RadeRecord> features;
-    Span<float> depths;
-    Span<TileRect> rects;
+    bool maps;
 
     struct Found {
         Vec3f p;
@@ -49,10 +43,10 @@ struct ProjectRadeBody {
     }
     TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
     TVSGS_HD void store(int /*i*/, const Found& f, std::uint32_t at) const {
-        shapes[at] = f.e.shape;
-        depths[at] = f.p.z;
-        rects[at] = f.e.rect;
-        RadeRecord& out = features[at];
+        to.shapes[at] = f.e.shape;
+        to.depths[at] = f.p.z;
+        to.rects[at] = f.e.rect;
+        RadeRecord& out = to.features[at];
         out.f.color = {};  // a render without colours also blends it
         if (!maps) return;
         const Mat3f& to_camera = view.camera.camera_from_world.R;
@@ -63,14 +57,15 @@ struct ProjectRadeBody {
 };
 
 /// Gradients of the parameters from the sums of each splat.
-template <bool kMaps, bool kColor_>
+template <Channels kChannels>
 struct RadeVjp {
-    static constexpr bool kColor = kColor_;
+    static constexpr bool kColor = has_color(kChannels), kMaps = has_plane(kChannels);
+    using Sums = RadeGradients<float>;
 
     ViewParameters view;
     Span<const SplatShape<float>> shapes;
     Span<const RadeRecord> features;
-    SplatSums<RadeGradients<float>> sums;
+    SplatSums<Sums> sums;
     Span<const float> filter;  // [N] or empty
 
     template <class Visit>
@@ -78,7 +73,7 @@ struct RadeVjp {
                              const SplatGeometry& splat,
                              SplatGeometry& sum,
                              Visit& visit) const {
-        RadeGradients<float> all;
+        Sums all;
         std::uint32_t at = 0;
         if (!finish(i, at, all)) return false;
         const SplatGradients<float>& g = all.of;
@@ -111,22 +106,8 @@ struct RadeVjp {
         return true;
     }
 
-    TVSGS_HD void observe(int i) const {
-        RadeGradients<float> all;
-        std::uint32_t at = 0;
-        finish(i, at, all);
-    }
-
-private:
-    /// Completes the sums of Gaussian i and writes its statistics. `at`: its place. Returns false
-    /// if it drew nothing.
-    TVSGS_HD bool finish(int i, std::uint32_t& at, RadeGradients<float>& all) const {
-        const RadeGradients<float>* const blended = sums.find(i, at);
-        if (blended == nullptr) {
-            sums.write(i, {}, {}, 0);
-            return false;
-        }
-        all = *blended;
+    TVSGS_HD bool finish(int i, std::uint32_t& at, Sums& all) const {
+        if (!sums.take(i, at, all)) return false;
         SplatGradients<float>& g = all.of;
         complete(g, shapes[at]);
         if constexpr (kMaps) g.mean += g.features.distance * features[at].slope;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "render/tiles/blend_work.h"
-#include "render/tiles/channels.h"
 #include "render/tiles/tiled_backbone.h"
 
 namespace tvsgs {
@@ -21,14 +20,16 @@ struct ThinBody {
 
 template <class Device>
 class SurfelBackbone final : public TiledBackbone<Device> {
+    using Base = TiledBackbone<Device>;
+    using Base::channels_, Base::images_, Base::lists_, Base::stops_, Base::view_;
+
 public:
     static constexpr BackboneTraits kTraits{
         .maps = Maps::color | kGeometryMaps | Maps::distortion | Maps::coverage,
         .flat = true,
         .parts_colors = true};
 
-    explicit SurfelBackbone(const BackboneOptions& options)
-        : TiledBackbone<Device>(kTraits), options_(options) {}
+    explicit SurfelBackbone(const BackboneOptions& options) : Base(kTraits, options) {}
 
     void prepare(int, bool, const std::vector<Camera>&, Gaussians<Device>& g) override {
         parallel_for(Device{}, g.size(), ThinBody{g.log_scales.span()});
@@ -38,76 +39,46 @@ public:
                                           const Camera& camera,
                                           int sh_degree,
                                           Maps maps) override {
-        maps_ = has(maps, kGeometryMaps | Maps::distortion);
-        color_ = has(maps, Maps::color) || !maps_;
-        view_ = {pinhole<float>(camera), camera_centre(camera),
-                 tile_grid(camera.width_px, camera.height_px),
-                 sh_degree < g.sh_degree ? sh_degree : g.sh_degree, options_.near};
-        resize_images(camera);
-        const ColorShare share{g.uncertainty.span(), this->color_share_};
-        parted_ = color_ && share.parts();
+        this->begin(g, camera, sh_degree, channels_of(maps, kGeometryMaps | Maps::distortion));
+        const std::size_t plane = this->plane_pixels();
+        images_.distortion.resize(plane);
+        z_.resize(plane), first_.resize(plane), second_.resize(plane);
         const auto project = [&](auto& to) {
-            return ProjectSurfelsBody{view_,
-                                      g.means.span(),
-                                      g.log_scales.span(),
-                                      g.quats.span(),
-                                      g.opacity_logits.span(),
-                                      share,
-                                      to.shapes.span(),
-                                      to.features.span(),
-                                      to.depths.span(),
-                                      to.rects.span()};
+            return ProjectSurfelsBody{parameters_of(g), view_, to.records(), this->share_};
         };
-        std::optional<ViewColors> colors;
-        if (color_) colors = {view_.centre, view_.sh_degree};
-        this->list_splats(g, view_.grid, project, colors, splats_);
-        this->clock()("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
+        this->list_splats(g, project, splats_);
+        this->clock()("blend",
+                      [&] { has_plane(channels_) ? blend_as<true>() : blend_as<false>(); });
         return images_;
     }
 
     const FusedGradients* blend_backward(const Gaussians<Device>&,
                                          const ImageGradients<Device>& dL_dimages) override {
-        with_maps(maps_, color_, [&]<bool kMaps, bool kColor>() {
+        with_channels(channels_, [&]<Channels kChannels>() {
+            constexpr bool kMaps = has_plane(kChannels);
             this->clock()("blend backward", [&] {
-                parted_ ? blend_back_as<kMaps, true>(dL_dimages)
-                        : blend_back_as<kMaps, false>(dL_dimages);
+                this->parts_colors() ? blend_back_as<kMaps, true>(dL_dimages)
+                                     : blend_back_as<kMaps, false>(dL_dimages);
             });
-            gradients_.vjp = SurfelVjp<kMaps, kColor>{view_, std::as_const(splats_.shapes).span(),
-                                                      std::as_const(splats_.features).span(),
-                                                      this->sums(fragments_of<kMaps>())};
+            this->gradients_.vjp =
+                SurfelVjp<kChannels>{view_, splats_.shapes.span(), splats_.features.span(),
+                                     this->sums(fragments_of<kMaps>())};
         });
-        return &gradients_;
+        return &this->gradients_;
     }
 
     BlendWork blend_work() const override {
         return count_blend_work<SurfelModel<false>>(splats_, lists_, view_.grid);
     }
-    void use_atomic_sums() override { color_fragments_.atomic = map_fragments_.atomic = true; }
 
 private:
-    using TiledBackbone<Device>::images_, TiledBackbone<Device>::lists_,
-        TiledBackbone<Device>::statistics_, TiledBackbone<Device>::stops_,
-        TiledBackbone<Device>::gradients_;
-
-    void resize_images(const Camera& camera) {
-        const std::size_t pixels = std::size_t(camera.width_px) * std::size_t(camera.height_px),
-                          maps = maps_ ? pixels : 0;
-        images_.width = camera.width_px, images_.height = camera.height_px;
-        images_.camera = camera;
-        images_.color.resize(color_ ? pixels : 0);
-        images_.transmittance.resize(pixels);
-        images_.normal.resize(maps), images_.depth.resize(maps), images_.distortion.resize(maps);
-        z_.resize(maps), first_.resize(maps), second_.resize(maps);
-        stops_.resize(pixels);
-    }
-
     template <bool kMaps>
     void blend_as() {
         blend_tiles<SurfelModel<kMaps>>(
             splats_, lists_, view_.grid,
             {images_.color.span(), images_.normal.span(), images_.transmittance.span(),
              images_.depth.span(), images_.distortion.span(), z_.span(), first_.span(),
-             second_.span(), images_.width, median()},
+             second_.span(), images_.width, this->median()},
             stops_);
     }
     template <bool kMaps, bool kParted>
@@ -117,7 +88,7 @@ private:
             splats_, lists_, view_.grid,
             {dL.color.span(), dL.normal.span(), dL.depth.span(), dL.distortion.span(),
              images.transmittance.span(), images.depth.span(), std::as_const(z_).span(),
-             std::as_const(first_).span(), std::as_const(second_).span(), median(),
+             std::as_const(first_).span(), std::as_const(second_).span(), this->median(),
              dL.transmittance.span()},
             images.transmittance, stops_, fragments_of<kMaps>());
     }
@@ -130,11 +101,6 @@ private:
             return color_fragments_;
     }
 
-    bool median() const { return options_.depth != SurfaceDepth::expected; }
-
-    BackboneOptions options_;
-    bool color_ = true, maps_ = false, parted_ = false;  // of the last forward()
-    SurfelView view_{};
     Surfels<Device> splats_;
     Buffer<float, Device> z_, first_, second_;  // [H W] as in SurfelPixel
     FragmentGradients<Device, SurfelGradients<false, float>> color_fragments_;

@@ -9,15 +9,6 @@
 
 namespace tvsgs {
 
-/// Parameters of the view for the projection of a surfel.
-struct SurfelView {
-    Pinhole<float> camera;
-    Vec3f centre;  // of the camera, world
-    TileGrid grid;
-    int sh_degree;
-    float near;
-};
-
 /// A splat in the camera's frame. `sign`: turns the normal towards the camera; 0: edge on.
 struct SurfelPose {
     SurfelAxes<float> axes;
@@ -25,7 +16,7 @@ struct SurfelPose {
     Vec3f normal;
     float sign;
 };
-TVSGS_HD inline SurfelPose surfel_pose(const SurfelView& view,
+TVSGS_HD inline SurfelPose surfel_pose(const ViewParameters& view,
                                        Vec3f mean,
                                        Vec3f log_scale,
                                        Quatf quat) {
@@ -43,16 +34,10 @@ TVSGS_HD inline SurfelPose surfel_pose(const SurfelView& view,
 }
 
 /// Projection of splats; see splat_places.h.
-struct ProjectSurfelsBody {
-    SurfelView view;
-    Span<const Vec3f> means, log_scales;
-    Span<const Quatf> quats;
-    Span<const float> opacity_logits;
+struct ProjectSurfelsBody : SplatParameters {
+    ViewParameters view;
+    ViewRecords<SurfelShape<float>, SurfelRecord> to;
     ColorShare color_share;
-    Span<SurfelShape<float>> shapes;
-    Span<SurfelRecord> features;
-    Span<float> depths;
-    Span<TileRect> rects;
 
     struct Found {
         SurfelPose pose;
@@ -81,23 +66,27 @@ struct ProjectSurfelsBody {
         return std::ceil(longer > least ? longer : least);
     }
     TVSGS_HD void store(int i, const Found& found, std::uint32_t at) const {
-        shapes[at] = found.shape;
-        depths[at] = found.pose.axes.centre.z;
-        rects[at] = found.rect;
-        features[at].color_share = color_share(i);
-        SurfelFeatures<float>& f = features[at].f;
+        to.shapes[at] = found.shape;
+        to.depths[at] = found.pose.axes.centre.z;
+        to.rects[at] = found.rect;
+        to.features[at].color_share = color_share(i);
+        SurfelFeatures<float>& f = to.features[at].f;
         f.normal = found.pose.normal;
         f.color = {};  // a render without colours also blends it
     }
 };
 
 /// Gradients of the parameters from the sums of each splat. The third scale has no gradient.
-template <bool kMaps, bool kColor_>
+template <Channels kChannels>
 struct SurfelVjp {
-    static constexpr bool kColor = kColor_;
+    static constexpr bool kColor = has_color(kChannels), kMaps = has_plane(kChannels);
     using Gradients = SurfelGradients<kMaps, float>;
+    struct Sums {
+        Gradients of;
+        SurfelMatrixGradient<float> matrix;
+    };
 
-    SurfelView view;
+    ViewParameters view;
     Span<const SurfelShape<float>> shapes;
     Span<const SurfelRecord> features;
     SplatSums<Gradients> sums;
@@ -107,10 +96,11 @@ struct SurfelVjp {
                              const SplatGeometry& splat,
                              SplatGeometry& sum,
                              Visit& visit) const {
-        Gradients g;
-        SurfelMatrixGradient<float> matrix;
+        Sums all;
         std::uint32_t at = 0;
-        if (!finish(i, at, g, matrix)) return false;
+        if (!finish(i, at, all)) return false;
+        const Gradients& g = all.of;
+        SurfelMatrixGradient<float>& matrix = all.matrix;
         Vec3f dL_dmean{};
         if constexpr (kColor)
             dL_dmean = features[at].color_share *
@@ -138,32 +128,14 @@ struct SurfelVjp {
         return true;
     }
 
-    TVSGS_HD void observe(int i) const {
-        Gradients g;
-        SurfelMatrixGradient<float> matrix;
-        std::uint32_t at = 0;
-        finish(i, at, g, matrix);
-    }
-
-private:
-    /// Returns the sums of Gaussian i and their derivative by its matrix; writes its statistics.
-    /// `at`: its place. Returns false if it drew nothing.
-    TVSGS_HD bool finish(int i,
-                         std::uint32_t& at,
-                         Gradients& g,
-                         SurfelMatrixGradient<float>& matrix) const {
-        const Gradients* const blended = sums.find(i, at);
-        if (blended == nullptr) {
-            sums.write(i, {}, {}, 0);
-            return false;
-        }
-        g = *blended;
+    TVSGS_HD bool finish(int i, std::uint32_t& at, Sums& all) const {
+        if (!sums.take(i, at, all.of)) return false;
         const SurfelShape<float> s = shapes[at];
-        matrix = surfel_inverse_vjp(s, g.inverse);
+        all.matrix = surfel_inverse_vjp(s, all.of.inverse);
         // Surrogate for the derivative by the centre's position, without the part drawn as a dot.
-        const Vec2f by_place = per_ndc(view.grid, {matrix.row_x.z, matrix.row_y.z});
+        const Vec2f by_place = per_ndc(view.grid, {all.matrix.row_x.z, all.matrix.row_y.z});
         const Vec2f by_ndc{by_place.x / s.inverse_depth, by_place.y / s.inverse_depth};
-        sums.write(i, by_ndc, {std::abs(by_ndc.x), std::abs(by_ndc.y)}, g.front_pixels);
+        sums.write(i, by_ndc, {std::abs(by_ndc.x), std::abs(by_ndc.y)}, all.of.front_pixels);
         return true;
     }
 };

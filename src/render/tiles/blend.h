@@ -37,18 +37,22 @@ inline constexpr float kOutOfReach = 1e25f;
 ///              read.behind(at)
 ///
 /// If a model also has ForwardPacks and BackwardPacks, the CPU version blends several pixels at a
-/// time. A model without blend() and its types only supports the backward pass.
+/// time.
 template <class Model>
-concept BlendBackModel = requires(const typename Model::Shape& shape,
-                                  const typename Model::Features& features,
-                                  typename Model::Features& batch,
-                                  const typename Model::Hit& hit,
-                                  typename Model::PixelBackward& backward,
-                                  typename Model::Gradients& gradients,
-                                  const typename Model::Reader& read) {
+concept BlendModel = requires(const typename Model::Shape& shape,
+                              const typename Model::Features& features,
+                              typename Model::Features& batch,
+                              const typename Model::Hit& hit,
+                              typename Model::PixelForward& forward,
+                              typename Model::PixelBackward& backward,
+                              typename Model::Gradients& gradients,
+                              const typename Model::Writer& write,
+                              const typename Model::Reader& read) {
     { Model::offset(shape, Vec2f{}) } -> std::same_as<Vec2f>;
     { Model::hit(shape, Vec2f{}) } -> std::same_as<typename Model::Hit>;
     { hit.alpha } -> std::convertible_to<float>;
+    { Model::blend(forward, hit, features) } -> std::same_as<bool>;
+    write(0, 0, forward);
     Model::blend_vjp(backward, shape, features, hit, gradients);
     { backward.T } -> std::convertible_to<float>;
     Model::copy(features, batch);
@@ -57,15 +61,6 @@ concept BlendBackModel = requires(const typename Model::Shape& shape,
     {typename Model::PixelBackward{1.0f, read(0)}};
     requires Model::Gradients::kCount % 4 == 0 && alignof(typename Model::Gradients) == 16 &&
         sizeof(typename Model::Gradients) == Model::Gradients::kCount * sizeof(float);
-};
-
-template <class Model>
-concept BlendModel = BlendBackModel<Model> && requires(const typename Model::Features& features,
-                                                       const typename Model::Hit& hit,
-                                                       typename Model::PixelForward& forward,
-                                                       const typename Model::Writer& write) {
-    { Model::blend(forward, hit, features) } -> std::same_as<bool>;
-    write(0, 0, forward);
 };
 
 /// State of a pixel at the start of the backward pass. The transmittance behind all splats weights
@@ -82,20 +77,6 @@ TVSGS_HD typename Model::PixelBackward pixel_backward(const typename Model::Read
 template <class Model, class Device>
 using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;
 
-/// The records of the view's splats that blending reads. Shapes and features may come from two
-/// places.
-template <class Model, class Device>
-struct BlendSplats {
-    Span<const typename Model::Shape> shapes;
-    Span<const typename Model::Features> features;
-
-    BlendSplats(const SplatsOf<Model, Device>& splats)
-        : BlendSplats(splats.shapes, splats.features) {}
-    BlendSplats(const Buffer<typename Model::Shape, Device>& s,
-                const Buffer<typename Model::Features, Device>& f)
-        : shapes(s.span()), features(f.span()) {}
-};
-
 /// Gradients of the view's splats, each stored at the splat's first fragment. The other fragments
 /// are scratch for the contribution of each fragment. Only members that the model fills are
 /// defined.
@@ -103,9 +84,6 @@ template <class Device, class Gradients>
 struct FragmentGradients {
     Buffer<Gradients, Device> gradients;
     Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
-    // GPU only: sums by floating-point atomics, whose order varies from run to run. Only for
-    // measuring the cost of reproducible sums.
-    bool atomic = false;
 
     void resize(std::size_t fragments) { gradients.resize(fragments), drawn.resize(fragments); }
 };
@@ -117,14 +95,14 @@ enum class PackWidth { narrow, widest };
 /// Writes all pixels. `stops` [H, W] gets the position after the last blended splat in the tile's
 /// list.
 template <BlendModel Model>
-void blend_tiles(const BlendSplats<Model, Cpu>& splats,
+void blend_tiles(const SplatsOf<Model, Cpu>& splats,
                  const TileLists<Cpu>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cpu>& stops,
                  PackWidth width = PackWidth::widest);
 template <BlendModel Model>
-void blend_tiles(const BlendSplats<Model, Cuda>& splats,
+void blend_tiles(const SplatsOf<Model, Cuda>& splats,
                  const TileLists<Cuda>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
@@ -132,8 +110,8 @@ void blend_tiles(const BlendSplats<Model, Cuda>& splats,
 
 /// Computes one gradient per splat from dL/d of the pixels. Resizes and overwrites `fragments`.
 /// Uses no floating-point atomics: bit-identical from run to run.
-template <BlendBackModel Model>
-void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const TileLists<Cpu>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,
@@ -141,8 +119,8 @@ void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
                      const Buffer<std::uint32_t, Cpu>& stops,
                      FragmentGradients<Cpu, typename Model::Gradients>& fragments,
                      PackWidth width = PackWidth::widest);
-template <BlendBackModel Model>
-void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
                      const TileLists<Cuda>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,

@@ -188,23 +188,27 @@ void add_gradients(Gradients& sum, const Gradients& g) {
 }  // namespace detail
 
 template <BlendModel Model>
-void blend_tiles(const BlendSplats<Model, Cpu>& splats,
+void blend_tiles(const SplatsOf<Model, Cpu>& splats,
                  const TileLists<Cpu>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cpu>& stops,
                  PackWidth width) {
-    const TilesForward<Model> in{
-        splats.shapes, splats.features, lists.spans.span(), lists.splats.span(),
-        grid,          write,           stops.span()};
+    const TilesForward<Model> in{splats.shapes.span(),
+                                 splats.features.span(),
+                                 lists.spans.span(),
+                                 lists.splats.span(),
+                                 grid,
+                                 write,
+                                 stops.span()};
     if constexpr (requires { typename Model::ForwardPacks; })
         detail::for_tiles(grid, width, typename Model::ForwardPacks{in});
     else
         parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) { detail::blend_tile(in, tile); });
 }
 
-template <BlendBackModel Model>
-void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const TileLists<Cpu>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,
@@ -214,8 +218,8 @@ void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
                      PackWidth width) {
     fragments.resize(static_cast<std::size_t>(lists.fragment_count));
     fragments.drawn.fill_zero();
-    const TilesBackward<Model> in{splats.shapes,
-                                  splats.features,
+    const TilesBackward<Model> in{splats.shapes.span(),
+                                  splats.features.span(),
                                   lists.spans.span(),
                                   lists.splats.span(),
                                   lists.fragments.span(),
@@ -249,14 +253,14 @@ void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
 }
 
 /// Instantiates the functions for a model, or only for its backward pass.
-#define TVSGS_BLEND_CPU(Model)                                                              \
-    template void blend_tiles<Model>(const BlendSplats<Model, Cpu>&, const TileLists<Cpu>&, \
-                                     const TileGrid&, const typename Model::Writer&,        \
-                                     Buffer<std::uint32_t, Cpu>&, PackWidth);               \
+#define TVSGS_BLEND_CPU(Model)                                                           \
+    template void blend_tiles<Model>(const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&, \
+                                     const TileGrid&, const typename Model::Writer&,     \
+                                     Buffer<std::uint32_t, Cpu>&, PackWidth);            \
     TVSGS_BLEND_BACK_CPU(Model)
 #define TVSGS_BLEND_BACK_CPU(Model)                                                            \
     template void blend_tiles_vjp<Model>(                                                      \
-        const BlendSplats<Model, Cpu>&, const TileLists<Cpu>&, const TileGrid&,                \
+        const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&, const TileGrid&,                   \
         const typename Model::Reader&, const Buffer<float, Cpu>&,                              \
         const Buffer<std::uint32_t, Cpu>&, FragmentGradients<Cpu, typename Model::Gradients>&, \
         PackWidth);

@@ -193,14 +193,6 @@ template <class Gradients>
 struct FragmentGradientSpans {
     Span<Gradients> gradients;
     Span<std::uint8_t> drawn;
-    Span<const std::uint32_t> first_fragment;  // of each splat
-
-    /// Adds to a splat's gradients in the order in which warps arrive. For comparison only.
-    __device__ void add_atomically(std::uint32_t splat, int member, float value) const {
-        const std::uint32_t fragment = first_fragment[splat];
-        atomicAdd(reinterpret_cast<float*>(&gradients[fragment]) + member, value);
-        drawn[fragment] = 1;
-    }
 };
 
 /// Sums of each warp over its pixels, for one batch.
@@ -246,7 +238,7 @@ __device__ void write_fragments(const BatchSums<Gradients>& sums,
     }
 }
 
-template <class Model, bool kAtomic>
+template <class Model>
 __global__ void __launch_bounds__(kThreads)
     blend_vjp_kernel(Span<const typename Model::Shape> shapes,
                      Span<const typename Model::Features> features,
@@ -335,11 +327,7 @@ __global__ void __launch_bounds__(kThreads)
             if ((lanes & (lanes - 1)) == 0) {  // one lane: nothing to add
                 if (draws) {
 #pragma unroll
-                    for (int v = 0; v < kValues; ++v)
-                        if constexpr (kAtomic)
-                            out.add_atomically(splats[position + j], v, u.values[v]);
-                        else
-                            sums.of[warp][j][v] = u.values[v];
+                    for (int v = 0; v < kValues; ++v) sums.of[warp][j][v] = u.values[v];
                 }
                 continue;
             }
@@ -347,21 +335,13 @@ __global__ void __launch_bounds__(kThreads)
 #pragma unroll
             for (int v = 0; v < kFilled; ++v) values[v] = u.values[Model::filled(v)];
             halving_sum<kFilled>(values, static_cast<int>(lane));
-            if (place < 0) continue;
-            if constexpr (kAtomic)
-                out.add_atomically(splats[position + j], place % kValues, values[0]);
-            else
-                (&sums.of[0][0][0])[place + j * kValues] = values[0];
+            if (place >= 0) (&sums.of[0][0][0])[place + j * kValues] = values[0];
         }
-        if constexpr (!kAtomic) {
-            if (lane == 0) sums.drawn[warp] = drawn;
-            // The only barrier: a warp that passes the next one has left write_fragments() of this
-            // turn.
-            __syncthreads();
-            write_fragments(sums, count, fragments_to_write, out);
-        } else {
-            __syncwarp();  // before the next batch overwrites this one
-        }
+        if (lane == 0) sums.drawn[warp] = drawn;
+        // The only barrier: a warp that passes the next one has left write_fragments() of this
+        // turn.
+        __syncthreads();
+        write_fragments(sums, count, fragments_to_write, out);
         end = begin;
     }
 }
@@ -426,20 +406,20 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace blend_detail
 
 template <BlendModel Model>
-void blend_tiles(const BlendSplats<Model, Cuda>& splats,
+void blend_tiles(const SplatsOf<Model, Cuda>& splats,
                  const TileLists<Cuda>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cuda>& stops) {
     using namespace blend_detail;
-    blend_kernel<Model><<<grid.count(), kThreads>>>(splats.shapes, splats.features,
+    blend_kernel<Model><<<grid.count(), kThreads>>>(splats.shapes.span(), splats.features.span(),
                                                     lists.splats.span(), lists.spans.span(), grid,
                                                     write, stops.span());
     check_launch();
 }
 
-template <BlendBackModel Model>
-void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
                      const TileLists<Cuda>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,
@@ -450,16 +430,12 @@ void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
     using Gradients = typename Model::Gradients;
     fragments.resize(static_cast<std::size_t>(lists.fragment_count));
     fragments.drawn.fill_zero();
-    const FragmentGradientSpans<Gradients> out{fragments.gradients.span(), fragments.drawn.span(),
-                                               lists.first_fragment.span()};
-    if (fragments.atomic) fragments.gradients.fill_zero();
-    const auto kernel =
-        fragments.atomic ? blend_vjp_kernel<Model, true> : blend_vjp_kernel<Model, false>;
-    kernel<<<grid.count(), kThreads>>>(splats.shapes, splats.features, lists.fragments.span(),
-                                       lists.splats.span(), lists.spans.span(), grid,
-                                       transmittance.span(), stops.span(), read, out);
+    const FragmentGradientSpans<Gradients> out{fragments.gradients.span(), fragments.drawn.span()};
+    blend_vjp_kernel<Model><<<grid.count(), kThreads>>>(
+        splats.shapes.span(), splats.features.span(), lists.fragments.span(), lists.splats.span(),
+        lists.spans.span(), grid, transmittance.span(), stops.span(), read, out);
     check_launch();
-    if (lists.visible_count == 0 || fragments.atomic) return;
+    if (lists.visible_count == 0) return;
     constexpr int kLanes = kSplatLanes<Gradients>;
     sum_fragments_kernel<<<(kLanes * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
         lists.first_fragment_by_depth.span(), static_cast<std::uint32_t>(lists.fragment_count),
@@ -468,15 +444,15 @@ void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
 }
 
 /// Instantiates the functions for a model, or only for its backward pass.
-#define TVSGS_BLEND_CUDA(Model)                                                               \
-    template void blend_tiles<Model>(const BlendSplats<Model, Cuda>&, const TileLists<Cuda>&, \
-                                     const TileGrid&, const typename Model::Writer&,          \
-                                     Buffer<std::uint32_t, Cuda>&);                           \
+#define TVSGS_BLEND_CUDA(Model)                                                            \
+    template void blend_tiles<Model>(const SplatsOf<Model, Cuda>&, const TileLists<Cuda>&, \
+                                     const TileGrid&, const typename Model::Writer&,       \
+                                     Buffer<std::uint32_t, Cuda>&);                        \
     TVSGS_BLEND_BACK_CUDA(Model)
-#define TVSGS_BLEND_BACK_CUDA(Model)                                              \
-    template void blend_tiles_vjp<Model>(                                         \
-        const BlendSplats<Model, Cuda>&, const TileLists<Cuda>&, const TileGrid&, \
-        const typename Model::Reader&, const Buffer<float, Cuda>&,                \
+#define TVSGS_BLEND_BACK_CUDA(Model)                                           \
+    template void blend_tiles_vjp<Model>(                                      \
+        const SplatsOf<Model, Cuda>&, const TileLists<Cuda>&, const TileGrid&, \
+        const typename Model::Reader&, const Buffer<float, Cuda>&,             \
         const Buffer<std::uint32_t, Cuda>&, FragmentGradients<Cuda, typename Model::Gradients>&);
 
 }  // namespace tvsgs

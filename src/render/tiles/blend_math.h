@@ -128,16 +128,6 @@ TVSGS_HD void count_front(Real& pixels, Real T, Real alpha) {
     pixels += T > Real(kFrontTransmittance) && alpha > 0 ? Real(1) : Real(0);
 }
 
-/// Adds the derivatives of a splat's alpha at a pixel, without the splat's constant factors; see
-/// complete(). `change`: dL/dopacity; the exponent is |w|^2.
-template <class Real, class Gradients>
-TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
-    const Real x = change * w.x, y = change * w.y;
-    g.opacity += change;
-    g.mean.x += x, g.mean.y += y;
-    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
-}
-
 /// Adds one splat at one pixel, back to front, to `g`, without the splat's constant factors. w =
 /// whitened(root, mean - pixel centre). An `a` of zeros adds nothing. The gradient passes the upper
 /// clamp of alpha unchanged, as in the official code. With `kParted` only `color_share` of the
@@ -164,7 +154,7 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
             plane_step = feature_dot<Channels::plane>(f, pixel.dL_dpixel) - pixel.plane_behind;
             pixel.plane_behind += a.alpha * plane_step;
         }
-        // add_alpha_gradient() adds the shape's step to the opacity.
+        // The shape's step follows below.
         step = color_share * color_step + plane_step;
         g.opacity += a.gauss * (T * (color_step - color_share * color_step));
     } else {
@@ -176,7 +166,9 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     const Real change = a.gauss * (T * step);
     const Real x = change * w.x, y = change * w.y;
     g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
-    add_alpha_gradient(change, w, g);
+    g.opacity += change;
+    g.mean.x += x, g.mean.y += y;
+    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
     count_front(g.front_pixels, T, a.alpha);
 }
 

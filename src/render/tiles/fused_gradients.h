@@ -15,14 +15,12 @@ struct FusedGradients {
     std::variant<EwaVjp<Channels::color>,
                  EwaVjp<Channels::color_plane>,
                  EwaVjp<Channels::plane>,
-                 EwaVjp<Channels::color_ray>,
-                 EwaVjp<Channels::ray>,
-                 SurfelVjp<false, true>,
-                 SurfelVjp<true, true>,
-                 SurfelVjp<true, false>,
-                 RadeVjp<false, true>,
-                 RadeVjp<true, true>,
-                 RadeVjp<true, false>>
+                 SurfelVjp<Channels::color>,
+                 SurfelVjp<Channels::color_plane>,
+                 SurfelVjp<Channels::plane>,
+                 RadeVjp<Channels::color>,
+                 RadeVjp<Channels::color_plane>,
+                 RadeVjp<Channels::plane>>
         vjp;  // a SplatVjp
 
     /// Calls run(vjp) with the actual type.

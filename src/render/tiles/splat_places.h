@@ -33,7 +33,8 @@ struct SplatPlaces {
 ///   Found           intermediate values of a splat
 ///   find(i, found)  true if splat i is in view
 ///   radius(found)   px, > 0: ScreenStatistics
-///   store(i, found, place)  writes its records in a ViewSplats, including `rects`
+///   to              the ViewRecords to write
+///   store(i, found, place)  writes its records, including `rects`
 template <class Projection>
 struct MarkBody {
     Projection projection;
@@ -50,14 +51,14 @@ struct StoreBody {
     SplatPlaces places;
 
     TVSGS_HD void operator()(int i) const {
-        const auto room = static_cast<std::uint32_t>(projection.rects.count);
+        const auto room = static_cast<std::uint32_t>(projection.to.rects.count);
         if (const std::uint32_t place = places.of(i); place < room) {
             typename Projection::Found found;
             if (projection.find(i, found)) projection.store(i, found, place);
         }
         // Clears places without a splat. There are at most as many places as splats.
         const auto beyond = static_cast<std::uint32_t>(i);
-        if (beyond < room && beyond >= places.in_view()) projection.rects[beyond] = {};
+        if (beyond < room && beyond >= places.in_view()) projection.to.rects[beyond] = {};
     }
 };
 

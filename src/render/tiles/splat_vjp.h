@@ -30,6 +30,21 @@ TVSGS_HD inline void add(SplatGeometry& sum, const SplatGeometry& g) {
     sum.opacity_logit += g.opacity_logit;
 }
 
+/// The same of all Gaussians.
+struct SplatParameters {
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+
+    TVSGS_HD SplatGeometry geometry(int i) const {
+        return {means[i], log_scales[i], quats[i], opacity_logits[i]};
+    }
+};
+template <class Device>
+SplatParameters parameters_of(const Gaussians<Device>& g) {
+    return {g.means.span(), g.log_scales.span(), g.quats.span(), g.opacity_logits.span()};
+}
+
 /// Converts a gradient per px to one per NDC unit.
 TVSGS_HD inline Vec2f per_ndc(const TileGrid& grid, Vec2f per_px) {
     return {0.5f * static_cast<float>(grid.width) * per_px.x,
@@ -46,13 +61,17 @@ struct SplatSums {
     Span<Vec2f> stat_grad, stat_abs;  // [N], overwritten: ScreenStatistics
     Span<int> stat_front;
 
-    /// The sums of splat i, and the place of its records. Null if it drew nothing.
-    TVSGS_HD const Gradients* find(int i, std::uint32_t& place) const {
+    /// Returns the sums of splat i and the place of its records. False if it drew nothing; then it
+    /// writes statistics of 0.
+    TVSGS_HD bool take(int i, std::uint32_t& place, Gradients& sum) const {
         place = places.of(i);
         if (place < fragment_counts.count && fragment_counts[place] != 0 &&
-            drawn[first_fragment[place]])
-            return &fragments[first_fragment[place]];
-        return nullptr;
+            drawn[first_fragment[place]]) {
+            sum = fragments[first_fragment[place]];
+            return true;
+        }
+        write(i, {}, {}, 0);
+        return false;
     }
     /// Overwrites the screen statistics of splat i.
     TVSGS_HD void write(int i, Vec2f by_ndc, Vec2f abs_by_ndc, float front_pixels) const {
@@ -68,15 +87,18 @@ struct SplatSums {
 ///   vjp(i, splat, sum, visit)  adds the gradients of Gaussian i (parameters: `splat`) to `sum`,
 ///              passes SH gradients to `visit` as sh_color_vjp() does, and writes its statistics.
 ///              Returns false, without adding or visiting, if it drew nothing
-///   observe(i) writes only the statistics
+///   finish(i, place, sums)  writes only the statistics; `Sums`: completed sums of a Gaussian.
+///              Returns false if it drew nothing
 template <class Vjp>
 concept SplatVjp = requires(const Vjp& vjp,
                             const SplatGeometry& splat,
                             SplatGeometry& sum,
-                            AddShGradient<float>& visit) {
+                            AddShGradient<float>& visit,
+                            std::uint32_t place,
+                            typename Vjp::Sums sums) {
     { Vjp::kColor } -> std::convertible_to<bool>;
     { vjp(0, splat, sum, visit) } -> std::same_as<bool>;
-    vjp.observe(0);
+    { vjp.finish(0, place, sums) } -> std::same_as<bool>;
     vjp.sums.places.of(0);
 };
 
@@ -84,9 +106,7 @@ concept SplatVjp = requires(const Vjp& vjp,
 template <SplatVjp Vjp>
 struct AddGradientsBody {
     Vjp vjp;
-    Span<const Vec3f> means, log_scales;
-    Span<const Quatf> quats;
-    Span<const float> opacity_logits;
+    SplatParameters splats;
     Span<const Vec3f> sh;
     Span<Vec3f> dL_dmeans, dL_dlog_scales;
     Span<Quatf> dL_dquats;
@@ -95,9 +115,9 @@ struct AddGradientsBody {
 
     TVSGS_HD void operator()(int i) const {
         SplatGeometry sum = no_gradient();
-        AddShGradient<float> visit{sh.data, dL_dsh.data, means.count, static_cast<std::size_t>(i)};
-        const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
-        if (!vjp(i, splat, sum, visit)) return;
+        AddShGradient<float> visit{sh.data, dL_dsh.data, splats.means.count,
+                                   static_cast<std::size_t>(i)};
+        if (!vjp(i, splats.geometry(i), sum, visit)) return;
         dL_dmeans[i] += sum.mean;
         dL_dlog_scales[i] += sum.log_scale;
         dL_dopacity_logits[i] += sum.opacity_logit;
@@ -125,17 +145,15 @@ struct CameraGradientBody {
     Vjp vjp;
     Mat3f camera_from_world;
     Vec3f centre;  // of the camera
-    Span<const Vec3f> means, log_scales;
-    Span<const Quatf> quats;
-    Span<const float> opacity_logits;
+    SplatParameters splats;
     Span<const Vec3f> sh;
     Span<CameraGradient<float>> gradients;  // [N] overwritten
 
     TVSGS_HD void operator()(int i) const {
         gradients[i] = {};
         SplatGeometry sum = no_gradient();
-        CameraVisit visit{sh.data, means.count, static_cast<std::size_t>(i)};
-        const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
+        CameraVisit visit{sh.data, splats.means.count, static_cast<std::size_t>(i)};
+        const SplatGeometry splat = splats.geometry(i);
         if (!vjp(i, splat, sum, visit)) return;
         gradients[i] = camera_gradient(camera_from_world, splat.mean - centre, sum.mean,
                                        visit.dL_ddirection, splat.quat, sum.quat);
@@ -150,7 +168,11 @@ struct CameraGradientTerm {
 template <SplatVjp Vjp>
 struct ObserveBody {
     Vjp vjp;
-    TVSGS_HD void operator()(int i) const { vjp.observe(i); }
+    TVSGS_HD void operator()(int i) const {
+        typename Vjp::Sums sums;
+        std::uint32_t place = 0;
+        vjp.finish(i, place, sums);
+    }
 };
 
 }  // namespace tvsgs

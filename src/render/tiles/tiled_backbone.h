@@ -1,18 +1,37 @@
-// Base class of the rasterisers with tiles: results, and the second half of the backward pass.
+// Base class of the rasterisers with tiles: view and lists of the last render, results, and the
+// second half of the backward pass.
 #pragma once
 
-#include <optional>
-
 #include "render/tiles/fused_gradients.h"
-#include "render/tiles/view_colors.h"
 
 namespace tvsgs {
+
+/// Writes the colours of the splats in view. A separate pass after projection; renders without
+/// colour skip it.
+template <class Record>
+struct ColorBody {
+    Vec3f centre;  // of the camera, world
+    int sh_degree;
+    Span<const Vec3f> means;
+    const Vec3f* sh;  // coefficient major
+    SplatPlaces places;
+    Span<Record> features;
+
+    TVSGS_HD void operator()(int i) const {
+        const std::uint32_t at = places.of(i);
+        if (at >= features.count) return;
+        const Vec3f direction = normalize(means[i] - centre);
+        features[at].f.color =
+            sh_color<float>(sh_degree, direction, sh, means.count, static_cast<std::size_t>(i));
+    }
+};
 
 template <class Device>
 class TiledBackbone : public Backbone<Device> {
 public:
     /// Sets the traits of blend_backward() and add_camera_gradient().
-    explicit TiledBackbone(BackboneTraits of) : Backbone<Device>(with_gradients(of)) {}
+    TiledBackbone(BackboneTraits of, const BackboneOptions& options)
+        : Backbone<Device>(with_gradients(of)), options_(options) {}
 
     void backward(const Gaussians<Device>& g,
                   const ImageGradients<Device>& dL_dimages,
@@ -22,8 +41,7 @@ public:
             fused.visit([&]<class Vjp>(const Vjp& vjp) {
                 parallel_for(
                     Device{}, g.size(),
-                    AddGradientsBody<Vjp>{vjp, g.means.span(), g.log_scales.span(), g.quats.span(),
-                                          g.opacity_logits.span(), g.sh.span(), dL.means.span(),
+                    AddGradientsBody<Vjp>{vjp, parameters_of(g), g.sh.span(), dL.means.span(),
                                           dL.log_scales.span(), dL.quats.span(),
                                           dL.opacity_logits.span(), dL.sh.span()});
             });
@@ -41,12 +59,11 @@ public:
         this->clock()("camera backward", [&] {
             of_camera_.resize(g.means.size()), partial_.resize(kSumBlocks);
             fused.visit([&]<class Vjp>(const Vjp& vjp) {
-                parallel_for(Device{}, g.size(),
-                             CameraGradientBody<Vjp>{vjp, images_.camera.camera_from_world.R,
-                                                     camera_centre(images_.camera), g.means.span(),
-                                                     g.log_scales.span(), g.quats.span(),
-                                                     g.opacity_logits.span(), g.sh.span(),
-                                                     of_camera_.span()});
+                parallel_for(
+                    Device{}, g.size(),
+                    CameraGradientBody<Vjp>{vjp, images_.camera.camera_from_world.R,
+                                            camera_centre(images_.camera), parameters_of(g),
+                                            g.sh.span(), of_camera_.span()});
             });
             for (int k = 0; k < kCameraParameters; ++k)
                 add_sum(Device{}, g.size(), CameraGradientTerm{std::as_const(of_camera_).span(), k},
@@ -58,29 +75,48 @@ public:
     RenderCounts counts() const final { return {lists_.visible_count, lists_.fragment_count}; }
 
 protected:
-    static BackboneTraits with_gradients(BackboneTraits of) {
-        of.fuses = of.has_camera_gradient = true;
-        return of;
+    /// First step of forward(): sets the view and resizes the images, normal and depth only with
+    /// plane channels.
+    void begin(const Gaussians<Device>& g,
+               const Camera& camera,
+               int sh_degree,
+               Channels channels,
+               float low_pass = 0) {
+        channels_ = channels;
+        view_ = {pinhole<float>(camera),
+                 camera_centre(camera),
+                 tile_grid(camera.width_px, camera.height_px),
+                 sh_degree < g.sh_degree ? sh_degree : g.sh_degree,
+                 options_.near,
+                 low_pass};
+        share_ = {g.uncertainty.span(), this->color_share_};
+        const std::size_t pixels = std::size_t(camera.width_px) * std::size_t(camera.height_px);
+        images_.width = camera.width_px, images_.height = camera.height_px;
+        images_.camera = ray_camera(camera, options_.pixel_center);
+        images_.color.resize(has_color(channels) ? pixels : 0);
+        images_.transmittance.resize(pixels), stops_.resize(pixels);
+        images_.normal.resize(plane_pixels()), images_.depth.resize(plane_pixels());
     }
+    /// Number of pixels with maps other than colour and transmittance.
+    std::size_t plane_pixels() const {
+        return has_plane(channels_) ? images_.transmittance.size() : 0;
+    }
+    bool median() const { return options_.depth != SurfaceDepth::expected; }
+    bool parts_colors() const { return has_color(channels_) && share_.parts(); }
 
-    /// First half of forward(): finds the splats in view, their colours if requested, and their
-    /// tiles. project() as in PlaceFinder.
+    /// Second step: finds the splats in view, their colours if requested, and their tiles.
+    /// project() as in PlaceFinder.
     template <class Splats, class Project>
-    void list_splats(const Gaussians<Device>& g,
-                     const TileGrid& grid,
-                     const Project& project,
-                     const std::optional<ViewColors>& colors,
-                     Splats& splats) {
+    void list_splats(const Gaussians<Device>& g, const Project& project, Splats& splats) {
         auto& clock = this->clock();
         do {
             clock("project",
                   [&] { finder_.find(g.size(), project, statistics_.radii_px, splats); });
-            if (colors) clock("colours", [&] { find_colors(g, *colors, splats.features.span()); });
-            clock("tile lists", [&] { build_tile_lists(splats, grid, lists_); });
+            if (has_color(channels_))
+                clock("colours", [&] { find_colors(g, splats.features.span()); });
+            clock("tile lists", [&] { build_tile_lists(splats, view_.grid, lists_); });
         } while (!finder_.found_room(lists_.in_view));
     }
-
-    SplatPlaces places() const { return finder_.places(statistics_.radii_px); }
 
     template <class Gradients>
     SplatSums<Gradients> sums(const FragmentGradients<Device, Gradients>& fragments) {
@@ -88,7 +124,7 @@ protected:
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        return {places(),
+        return {finder_.places(statistics_.radii_px),
                 std::as_const(lists_.fragment_counts).span(),
                 std::as_const(lists_.first_fragment).span(),
                 fragments.gradients.span(),
@@ -98,19 +134,31 @@ protected:
                 statistics_.front_pixels.span()};
     }
 
-    TileLists<Device> lists_;  // of the last forward(), by place; like the images
+    // Of the last forward().
+    Channels channels_ = Channels::color;
+    ViewParameters view_{};
+    ColorShare share_{};
+    TileLists<Device> lists_;  // by place
     RenderedImages<Device> images_;
     Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
-    ScreenStatistics<Device> statistics_;
-    FusedGradients gradients_;  // of the last blend_backward()
+    FusedGradients gradients_;             // of the last blend_backward()
+
+    const BackboneOptions options_;
 
 private:
-    template <class Record>
-    void find_colors(const Gaussians<Device>& g, const ViewColors& view, Span<Record> features) {
-        parallel_for(Device{}, g.size(),
-                     ColorBody<Record>{view, g.means.span(), g.sh.data(), places(), features});
+    static BackboneTraits with_gradients(BackboneTraits of) {
+        of.fuses = of.has_camera_gradient = true;
+        return of;
     }
 
+    template <class Record>
+    void find_colors(const Gaussians<Device>& g, Span<Record> features) {
+        parallel_for(Device{}, g.size(),
+                     ColorBody<Record>{view_.centre, view_.sh_degree, g.means.span(), g.sh.data(),
+                                       finder_.places(statistics_.radii_px), features});
+    }
+
+    ScreenStatistics<Device> statistics_;
     PlaceFinder<Device> finder_;
     Buffer<CameraGradient<float>, Device> of_camera_;  // [N] empty if no camera moves
     Buffer<double, Device> partial_;

@@ -3,6 +3,7 @@
 
 #include <cub/cub.cuh>
 
+#include "render/tiles/splat_places.h"
 #include "render/tiles/tiles_cuda.h"
 
 namespace tvsgs {
@@ -39,7 +40,14 @@ struct TileSpansBody {
     }
 };
 
-/// Runs a CUB operation with the lists' temporary storage.
+struct InView {
+    Span<const float> radii;
+    TVSGS_HD std::uint32_t operator()(std::uint32_t i) const {
+        return i < radii.count && radii[i] > 0;
+    }
+};
+
+/// Runs a CUB operation with temporary storage.
 template <class Operation>
 void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Operation& operation) {
     std::size_t bytes = 0;
@@ -79,6 +87,18 @@ void sort_by_tile(const TileGrid& grid, TileLists<Cuda>& lists) {
 }
 
 }  // namespace
+
+void count_in_view(const Buffer<float, Cuda>& radii,
+                   Buffer<std::uint32_t, Cuda>& before,
+                   Buffer<std::uint8_t, Cuda>& temporary) {
+    before.resize(radii.size() + 1);
+    const auto in_view = thrust::make_transform_iterator(
+        thrust::make_counting_iterator<std::uint32_t>(0), InView{radii.span()});
+    with_temporary(temporary, [&](void* temp, std::size_t& bytes) {
+        return cub::DeviceScan::ExclusiveSum(temp, bytes, in_view, before.data(),
+                                             static_cast<int>(before.size()));
+    });
+}
 
 void tiles_detail::order_splats(Span<const float> depths, TileLists<Cuda>& lists) {
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {

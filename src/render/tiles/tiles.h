@@ -48,6 +48,15 @@ TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& g
     return rect;
 }
 
+/// The arrays of a ViewSplats.
+template <class Shape, class Features>
+struct ViewRecords {
+    Span<Shape> shapes;
+    Span<Features> features;
+    Span<float> depths;
+    Span<TileRect> rects;
+};
+
 /// Splats of a view, all [N]; N counts the splats with a place (splat_places.h). A splat with an
 /// empty rectangle is not in view, and its other entries are undefined. may_draw(shape, low, high)
 /// must return true if the Shape draws at any pixel centre in [low, high], px; a false positive
@@ -64,6 +73,9 @@ struct ViewSplats {
 
     void resize(std::size_t n) {
         shapes.resize(n), features.resize(n), depths.resize(n), rects.resize(n);
+    }
+    ViewRecords<Shape, Features> records() {
+        return {shapes.span(), features.span(), depths.span(), rects.span()};
     }
 };
 
