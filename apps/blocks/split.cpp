@@ -252,8 +252,7 @@ int split_scene(SplitArguments a, bool quiet) {
     const auto looks = on_device(device, [&](auto tag) {
         return find_block_views<decltype(tag)>(scene, coarse, of_coarse.train, manifest);
     });
-    const std::vector<BlockContents> blocks =
-        fill_blocks(scene, coarse, manifest, a.split, expected, looks);
+    const std::vector<BlockContents> blocks = fill_blocks(scene, coarse, manifest, expected, looks);
 
     // 3. The files; the manifest last.
     const PlyScales scales =

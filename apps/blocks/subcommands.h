@@ -7,7 +7,7 @@
 
 #include "apps/common/command_line.h"
 #include "pipeline/blocks/blocks_folder.h"
-#include "pipeline/run/folder_lock.h"
+#include "pipeline/run/run_folder.h"
 
 namespace tvsgs {
 

@@ -18,7 +18,6 @@
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "io/scene/scene_layout.h"
-#include "pipeline/run/folder_lock.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
 

@@ -188,9 +188,7 @@ void check_train_arguments(const TrainArguments& arguments) {
     if (!arguments.plan)
         require_free_run_folder(arguments.out, arguments.overwrite, resume.in_place(),
                                 options.scene);
-    if (!arguments.overwrite) require_no_lost_splats(resume, arguments.out);
-    require_iterations_left(resume, options.train.iterations);
-    require_same_backbone(resume, options.train.backbone);
+    check_resume(resume, arguments.out, arguments.overwrite, options.train);
     if (resume.point) check_start(*resume.point->state, options.train);
 }
 

@@ -27,8 +27,8 @@ ImageU8 waves(double shift, double gain = 1, double offset = 0) {
     return photo;
 }
 
-ViewMap describe(const ImageU8& photo, Descriptor kind) {
-    return describe_photo(photo, kind, "features", photo.width, photo.height);
+ViewMap describe(const ImageU8& photo) {
+    return describe_photo(photo, "features", photo.width, photo.height);
 }
 
 double cosine(const ViewMap& a, int ax, int ay, const ViewMap& b, int bx, int by) {
@@ -41,13 +41,8 @@ double cosine(const ViewMap& a, int ax, int ay, const ViewMap& b, int bx, int by
     return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
 }
 
-class Descriptors : public testing::TestWithParam<Descriptor> {};
-INSTANTIATE_TEST_SUITE_P(Kinds,
-                         Descriptors,
-                         testing::Values(Descriptor::orient, Descriptor::census));
-
-TEST_P(Descriptors, AreOfTheirPlaceAlone) {
-    const ViewMap a = describe(waves(0), GetParam()), b = describe(waves(5), GetParam());
+TEST(Descriptors, AreOfTheirPlaceAlone) {
+    const ViewMap a = describe(waves(0)), b = describe(waves(5));
     ASSERT_EQ(a.channels, 32);
     ASSERT_EQ(a.values.size(), std::size_t{32 * kWidth * kHeight});
     double alike = 0, apart = 0;
@@ -62,19 +57,19 @@ TEST_P(Descriptors, AreOfTheirPlaceAlone) {
     EXPECT_LT(apart / count, 0.5) << "another place looks the same";
 }
 
-TEST_P(Descriptors, DoNotNoticeTheExposure) {
-    const ViewMap a = describe(waves(0), GetParam()), b = describe(waves(0, 0.8, 20), GetParam());
+TEST(Descriptors, DoNotNoticeTheExposure) {
+    const ViewMap a = describe(waves(0)), b = describe(waves(0, 0.8, 20));
     double least = 1;
     for (int y = 0; y < kHeight; ++y)
         for (int x = 0; x < kWidth; ++x) least = std::min(least, cosine(a, x, y, b, x, y));
     EXPECT_GT(least, 0.9);
 }
 
-TEST_P(Descriptors, AreNothingWhereThereIsNoContrast) {
+TEST(Descriptors, AreNothingWhereThereIsNoContrast) {
     ImageU8 photo(kWidth, kHeight, 3, 90);
     for (int y = 18; y < 22; ++y)
         for (int x = 40; x < 44; ++x) photo.at(x, y, 0) = photo.at(x, y, 1) = 250;
-    const ViewMap map = describe(photo, GetParam());
+    const ViewMap map = describe(photo);
     const auto squares = [&](int x, int y) {
         double sum = 0;
         for (int k = 0; k < 32; ++k)
@@ -85,16 +80,16 @@ TEST_P(Descriptors, AreNothingWhereThereIsNoContrast) {
     EXPECT_GT(squares(39, 20), 0.5);
 }
 
-TEST_P(Descriptors, ComeAtAnySizeWithTheSameContent) {
-    const ViewMap map = describe_photo(waves(0), GetParam(), "coarse", kWidth / 2, kHeight / 2);
+TEST(Descriptors, ComeAtAnySizeWithTheSameContent) {
+    const ViewMap map = describe_photo(waves(0), "coarse", kWidth / 2, kHeight / 2);
     EXPECT_EQ(map.name, "coarse");
     EXPECT_EQ(map.values.size(), std::size_t{32 * kWidth * kHeight / 4});
     for (const float v : map.values) ASSERT_TRUE(std::isfinite(v));
     const ImageU8 odd(33, 1, 3, 7);
-    EXPECT_EQ(describe_photo(odd, GetParam(), "m", 17, 1).values.size(), std::size_t{32 * 17});
+    EXPECT_EQ(describe_photo(odd, "m", 17, 1).values.size(), std::size_t{32 * 17});
 }
 
-TEST_P(Descriptors, TurnWithTheirCamera) {
+TEST(Descriptors, TurnWithTheirCamera) {
     // A quarter turn from x to y: the right side moves to the bottom.
     const ImageU8 photo = waves(0);
     ImageU8 turned(kHeight, kWidth, 3);
@@ -107,9 +102,9 @@ TEST_P(Descriptors, TurnWithTheirCamera) {
     EXPECT_EQ(image_roll(straight, up), 0);
     const float roll = image_roll(rolled, up);
     EXPECT_NEAR(roll, std::acos(-1) / 2, 1e-6);
-    const ViewMap a = describe(photo, GetParam()),
-                  b = describe_photo(turned, GetParam(), "features", kHeight, kWidth, roll),
-                  not_told = describe(turned, GetParam());
+    const ViewMap a = describe(photo),
+                  b = describe_photo(turned, "features", kHeight, kWidth, roll),
+                  not_told = describe(turned);
     double least = 1, without = 0;
     for (int y = 8; y < kHeight - 8; ++y)
         for (int x = 8; x < kWidth - 8; ++x) {
@@ -125,38 +120,12 @@ TEST(ImageRoll, IsNothingWhereTheCameraLooksAlongIt) {
     EXPECT_NEAR(image_roll(Camera{}, {1, -1, 0}), std::acos(-1) / 4, 1e-6);
 }
 
-TEST(OrientDescriptor, HasTheDirectionInWhichItGetsBrighter) {
-    ImageU8 photo(kWidth, kHeight, 3);
-    for (int y = 0; y < kHeight; ++y)
-        for (int x = 0; x < kWidth; ++x)
-            for (int k = 0; k < 3; ++k) photo.at(x, y, k) = static_cast<std::uint8_t>(20 + 5 * y);
-    const ViewMap map = describe(photo, Descriptor::orient);
-    const float* const d = &map.values[32 * (20 * kWidth + 24)];
-    for (int group = 0; group < 4; ++group) {
-        // Eighths of a turn from x towards y: the third is down. Less their mean they are of length
-        // g / (g + 0.02), g that of a slope of 5 / 255 per pixel.
-        for (int k = 0; k < 8; ++k)
-            if (k != 2) {
-                EXPECT_GT(d[8 * group + 2], d[8 * group + k]) << group << ' ' << k;
-            }
-        double sum = 0, squares = 0;
-        for (int k = 0; k < 8; ++k)
-            sum += d[8 * group + k], squares += double{d[8 * group + k]} * d[8 * group + k];
-        EXPECT_NEAR(sum, 0, 1e-5);
-        // cos^2 of 0 and of +-45 degrees, less the mean of 1 + sqrt 2 over eight.
-        const double mean = (1 + std::sqrt(2)) / 8, g = 5 / 255.0 * std::sqrt(2 - 8 * mean * mean);
-        if (group < 3) {  // the widest one sees the border
-            EXPECT_NEAR(std::sqrt(squares), g / (g + 0.02), 0.01) << group;
-        }
-    }
-}
-
-TEST(CensusDescriptor, SaysWhatIsBrighter) {
+TEST(Descriptors, SaysWhatIsBrighter) {
     ImageU8 photo(kWidth, kHeight, 3);
     for (int y = 0; y < kHeight; ++y)
         for (int x = 0; x < kWidth; ++x)
             for (int k = 0; k < 3; ++k) photo.at(x, y, k) = static_cast<std::uint8_t>(5 * x);
-    const ViewMap map = describe(photo, Descriptor::census);
+    const ViewMap map = describe(photo);
     const float* const d = &map.values[32 * (20 * kWidth + 24)];
     // To the right on the ring of 1.5 px: 7.5 of 255.
     EXPECT_NEAR(d[0], std::tanh(7.5 / 255 / 0.02), 0.01);
@@ -173,16 +142,16 @@ TEST(AddDescriptors, ViewsThatAreRolledGetTheSameDirections) {
             for (int k = 0; k < 3; ++k)
                 views[1].photo.at(kHeight - 1 - y, x, k) = views[0].photo.at(x, y, k);
     views[1].camera.camera_from_world.R = {{{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}};
-    add_descriptors(Descriptor::orient, views);
+    add_descriptors(views);
     EXPECT_GT(cosine(views[0].maps[0], 7, 9, views[1].maps[0], kHeight / 2 - 1 - 9, 7), 0.999);
     std::vector<View> none;
-    EXPECT_EQ(add_descriptors(Descriptor::orient, none), 0);
+    EXPECT_EQ(add_descriptors(none), 0);
 }
 
 TEST(AddDescriptors, GivesAllViewsBothSizes) {
     std::vector<View> views(2);
     views[0].photo = waves(0), views[1].photo = ImageU8(33, 21, 3, 5);
-    const std::int64_t bytes = add_descriptors(Descriptor::orient, views);
+    const std::int64_t bytes = add_descriptors(views);
     EXPECT_EQ(bytes, 4 * 32 * (24 * 20 + 12 * 10 + 17 * 11 + 9 * 6));
     for (const View& view : views) {
         ASSERT_EQ(view.maps.size(), 2u);

@@ -3,8 +3,9 @@
 #include <map>
 
 #include "core/scene/prior_maps.h"
+#include "mvs/stereo/descriptors.h"
 #include "optim/loop/train.h"
-#include "pipeline/priors/view_maps.h"
+#include "pipeline/priors/priors.h"
 #include "pipeline/scene/planned_scene.h"
 #include "plan/memory.h"
 #include "support/random_gaussians.h"
@@ -64,7 +65,7 @@ TEST(FatesTraining, LowersEachOfItsTerms) {
     options.train.init.opacity = 0.7f;
     options.train.loss.normal_consistency.start = options.train.loss.distortion.start = 1;
     Scene scene = plane_scene();
-    complete_maps(options.train.loss, options.descriptors, scene.train);
+    complete_maps(options.train.loss, scene.train);
     std::map<std::string, std::vector<double>> values;
     TrainCallbacks callbacks;
     callbacks.report_due = [](int) { return true; };
@@ -98,31 +99,22 @@ TEST(FatesConfigurations, HoldWhatTheirAuthorsHave) {
     }
 }
 
-std::vector<std::string> names_of(const std::vector<MissingMap>& missing) {
-    std::vector<std::string> names;
-    for (const MissingMap& m : missing) names.push_back(m.term + ":" + m.map);
-    return names;
-}
-
-TEST(ViewMaps, MissingIsWhatATermNeedsAndNoViewHas) {
-    using Names = std::vector<std::string>;
+TEST(ViewMaps, OneViewWithTheMapOfATermSuffices) {
     LossOptions loss;
     std::vector<View> views(2);
-    EXPECT_EQ(names_of(missing_maps(loss, views)), Names{});
-    loss.depth_rank.weight = loss.features.weight = 1;
-    EXPECT_EQ(names_of(missing_maps(loss, views)),
-              (Names{"depth_rank:depth_order", "features:features"}));
+    complete_maps(loss, views);
+    loss.depth_rank.weight = 1;
+    EXPECT_THROW(complete_maps(loss, views), Error);
     views[1].maps.push_back({std::string(prior_map::kDepthOrder), 1, 1, 1, {0}});
-    EXPECT_EQ(names_of(missing_maps(loss, views)), Names{"features:features"});
-    loss.depth_rank.weight = loss.features.weight = 0;
-    EXPECT_EQ(names_of(missing_maps(loss, views)), Names{});
+    complete_maps(loss, views);
+    EXPECT_TRUE(views[0].maps.empty());
 }
 
 TEST(ViewMaps, DescriptorsTakeThePlaceOfFeaturesAndNothingElseOfAnything) {
     LossOptions loss;
     loss.features.weight = 1;
     Scene scene = plane_scene();
-    complete_maps(loss, {}, scene.train);
+    complete_maps(loss, scene.train);
     for (const View& view : scene.train) {
         ASSERT_EQ(view.maps.size(), 3u);
         EXPECT_EQ(view.maps[1].name, prior_map::kFeatures);
@@ -131,17 +123,17 @@ TEST(ViewMaps, DescriptorsTakeThePlaceOfFeaturesAndNothingElseOfAnything) {
         EXPECT_EQ(view.maps[2].height_px, kHeight / 4);
     }
     const auto before = scene.train[0].maps[1].values;
-    complete_maps(loss, {Descriptor::census}, scene.train);  // their features exist already
+    complete_maps(loss, scene.train);  // their features exist already
     EXPECT_EQ(scene.train[0].maps.size(), 3u);
     EXPECT_EQ(scene.train[0].maps[1].values, before);
 
     Scene none = plane_scene();
-    complete_maps({}, {}, none.train);
+    complete_maps({}, none.train);
     EXPECT_EQ(none.train[0].maps.size(), 1u) << "no term asks for features";
     for (View& view : none.train) view.maps.clear();
     loss.depth_smooth.weight = 1;
     try {
-        complete_maps(loss, {}, none.train);
+        complete_maps(loss, none.train);
         ADD_FAILURE() << "there is no prior";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::usage);
@@ -158,7 +150,7 @@ TEST(MemoryPlan, CountsMapsWhetherAllOrFewAreOnTheDevice) {
     for (const std::int64_t budget : {std::int64_t{0}, std::int64_t{1}}) {
         options.photo_bytes = budget;
         Scene larger = plane_scene();
-        const std::int64_t bytes = add_descriptors(Descriptor::orient, larger.train);
+        const std::int64_t bytes = add_descriptors(larger.train);
         const auto before = estimate_memory(scene, options, 100, true),
                    after = estimate_memory(larger, options, 100, true);
         // All three views, or the views of two steps with two neighbour views each.

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "pipeline/scene/photo_check.h"
+#include "pipeline/scene/mask_use.h"
 
 namespace tvsgs {
 namespace {

@@ -58,8 +58,7 @@ public:
         const Cells& cells = cells_[v];
         std::vector<std::optional<Vec3f>> found(cells.colors.size());
         parallel_for_heavy(Cpu{}, cells.width * cells.height, [&](int cell) {
-            found[static_cast<std::size_t>(cell)] =
-                point_on_ray(v, cell % cells.width, cell / cells.width);
+            found[cell] = point_on_ray(v, cell % cells.width, cell / cells.width);
         });
         for (std::size_t i = 0; i < found.size(); ++i) {
             if (!found[i]) continue;

@@ -1,7 +1,6 @@
 #include "mvs/stereo/descriptors.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "core/device/parallel.h"
@@ -12,7 +11,7 @@ namespace tvsgs {
 namespace {
 
 constexpr float kLeastContrast = 0.01f;  // of grey values in [0, 1]
-constexpr int kOrientations = 8, kRings = 4;
+constexpr int kRings = 4;
 constexpr float kPi = 3.14159265358979f;
 
 /// Repeats the border.
@@ -83,47 +82,14 @@ ImageF blurred(const ImageF& image, float sigma) {
     return out;
 }
 
-/// Strength of edges in eight directions around each pixel, at four distances. Each distance is
-/// normalised: it loses the mean over the directions, then gets a length of about 1.
-void describe_orientations(const ImageF& grey, float roll_rad, ViewMap& map) {
-    const ImageF smooth = blurred(grey, 1);
-    std::array<ImageF, kOrientations> edges;
-    edges.fill(ImageF(grey.width, grey.height, 1));
-    for (int y = 0; y < grey.height; ++y)
-        for (int x = 0; x < grey.width; ++x) {
-            const float gx = 0.5f * (pixel(smooth, x + 1, y) - pixel(smooth, x - 1, y)),
-                        gy = 0.5f * (pixel(smooth, x, y + 1) - pixel(smooth, x, y - 1));
-            for (int k = 0; k < kOrientations; ++k) {
-                const float angle = roll_rad + 2 * kPi * static_cast<float>(k) / kOrientations;
-                edges[static_cast<std::size_t>(k)].at(x, y) =
-                    std::max(0.0f, std::cos(angle) * gx + std::sin(angle) * gy);
-            }
-        }
-    std::vector<float> contrast(grey.pixels.size(), 0);  // squared
-    for (int group = 0; group < kDescriptorChannels / kOrientations; ++group) {
-        std::array<ImageF, kOrientations> around;
-        for (std::size_t k = 0; k < kOrientations; ++k)
-            around[k] = blurred(edges[k], static_cast<float>(1 << group));
-        for (std::size_t i = 0; i < grey.pixels.size(); ++i) {
-            float mean = 0, squares = 0;
-            for (const ImageF& image : around) mean += image.pixels[i] / kOrientations;
-            for (const ImageF& image : around)
-                squares += (image.pixels[i] - mean) * (image.pixels[i] - mean);
-            contrast[i] += squares;
-            for (std::size_t k = 0; k < kOrientations; ++k)
-                map.values[kDescriptorChannels * i +
-                           kOrientations * static_cast<std::size_t>(group) + k] =
-                    (around[k].pixels[i] - mean) / (std::sqrt(squares) + 0.02f);
-        }
-    }
-    for (std::size_t i = 0; i < contrast.size(); ++i)
-        if (!(contrast[i] >= kLeastContrast * kLeastContrast))
-            std::fill_n(&map.values[kDescriptorChannels * i], kDescriptorChannels, 0.0f);
-}
+}  // namespace
 
-/// Compares points on four rings around each pixel with the pixel.
-void describe_census(const ImageF& grey, float roll_rad, ViewMap& map) {
-    const ImageF smooth = blurred(grey, 0.7f);
+ViewMap describe_photo(
+    const ImageU8& photo, const std::string& name, int width_px, int height_px, float roll_rad) {
+    ViewMap map{name, width_px, height_px, kDescriptorChannels, {}};
+    map.values.resize(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px) *
+                      kDescriptorChannels);
+    const ImageF smooth = blurred(grey_at(photo, width_px, height_px), 0.7f);
     std::vector<Vec2f> offsets;
     for (int ring = 0; ring < kRings; ++ring)
         for (int k = 0; k < kDescriptorChannels / kRings; ++k) {
@@ -132,12 +98,9 @@ void describe_census(const ImageF& grey, float roll_rad, ViewMap& map) {
                             roll_rad + kPi / 4 * (static_cast<float>(k) + (ring % 2 ? 0.5f : 0.0f));
             offsets.push_back({radius * std::cos(angle), radius * std::sin(angle)});
         }
-    for (int y = 0; y < grey.height; ++y)
-        for (int x = 0; x < grey.width; ++x) {
-            float* const descriptor =
-                &map.values[static_cast<std::size_t>(kDescriptorChannels) *
-                            (static_cast<std::size_t>(y) * static_cast<std::size_t>(grey.width) +
-                             static_cast<std::size_t>(x))];
+    float* descriptor = map.values.data();
+    for (int y = 0; y < height_px; ++y)
+        for (int x = 0; x < width_px; ++x, descriptor += kDescriptorChannels) {
             float squares = 0;
             for (std::size_t i = 0; i < offsets.size(); ++i) {
                 const float difference = between(smooth, static_cast<float>(x) + offsets[i].x,
@@ -149,24 +112,6 @@ void describe_census(const ImageF& grey, float roll_rad, ViewMap& map) {
             if (!(squares >= kLeastContrast * kLeastContrast))
                 std::fill_n(descriptor, kDescriptorChannels, 0.0f);
         }
-}
-
-}  // namespace
-
-ViewMap describe_photo(const ImageU8& photo,
-                       Descriptor kind,
-                       const std::string& name,
-                       int width_px,
-                       int height_px,
-                       float roll_rad) {
-    ViewMap map{name, width_px, height_px, kDescriptorChannels, {}};
-    map.values.resize(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px) *
-                      kDescriptorChannels);
-    const ImageF grey = grey_at(photo, width_px, height_px);
-    if (kind == Descriptor::orient)
-        describe_orientations(grey, roll_rad, map);
-    else
-        describe_census(grey, roll_rad, map);
     return map;
 }
 
@@ -177,14 +122,14 @@ float image_roll(const Camera& camera, Vec3f up) {
     return std::atan2(there.x, -there.y);
 }
 
-std::int64_t add_descriptors(Descriptor kind, std::vector<View>& views) {
+std::int64_t add_descriptors(std::vector<View>& views) {
     if (views.empty()) return 0;
     const Vec3f up = transpose_times(views[0].camera.camera_from_world.R, {0, -1, 0});
     parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int v) {
-        View& view = views[static_cast<std::size_t>(v)];
+        View& view = views[v];
         const auto add = [&](std::string_view name, int divisor) {
             view.maps.push_back(describe_photo(
-                view.photo, kind, std::string(name), (view.photo.width + divisor - 1) / divisor,
+                view.photo, std::string(name), (view.photo.width + divisor - 1) / divisor,
                 (view.photo.height + divisor - 1) / divisor, image_roll(view.camera, up)));
         };
         add(prior_map::kFeatures, 2);

@@ -4,38 +4,17 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/options.h"
 #include "core/scene/scene.h"
 
 namespace tvsgs {
 
-/// orient: directions of edges around a pixel, near and far; converges from far and ignores
-/// exposure. census: differences to points around a pixel; sharper, but converges only from near.
-enum class Descriptor { orient, census };
-
-struct DescriptorOptions {
-    Descriptor kind = Descriptor::orient;
-
-    template <class Visitor>
-    void fields(Visitor& field) {
-        field.choice(
-            "kind", kind, {"orient32", "census32"},
-            "descriptors of photographs for loss.features without priors; orient32: directions of "
-            "edges within 8 px; census32: differences to 32 points within 6 px, sharper");
-    }
-};
-
 inline constexpr int kDescriptorChannels = 32;
 
 /// Describes a photograph [H W 3], resized to width_px x height_px, as a map `name` [height_px
-/// width_px 32]. 0 where the contrast is too low. Lengths are in pixels of the map. `roll_rad`:
-/// rotation of the photograph from x towards y, which the descriptors compensate.
-ViewMap describe_photo(const ImageU8& photo,
-                       Descriptor kind,
-                       const std::string& name,
-                       int width_px,
-                       int height_px,
-                       float roll_rad = 0);
+/// width_px 32]: differences of points on four rings to the pixel. 0 where the contrast is too low.
+/// `roll_rad`: rotation of the photograph from x towards y, which the descriptors compensate.
+ViewMap describe_photo(
+    const ImageU8& photo, const std::string& name, int width_px, int height_px, float roll_rad = 0);
 
 /// Rotation of the image of `camera`, from x towards y, against an image in which the world
 /// direction `up` points upwards; 0 if the camera looks along `up`.
@@ -44,6 +23,6 @@ float image_roll(const Camera& camera, Vec3f up);
 /// Adds the maps `features` and `coarse_features`, of a half and a quarter of each photograph's
 /// size, to all views, which must not have them. Compensates the roll of the cameras: up is defined
 /// by the first view. Returns the bytes of the maps.
-std::int64_t add_descriptors(Descriptor kind, std::vector<View>& views);
+std::int64_t add_descriptors(std::vector<View>& views);
 
 }  // namespace tvsgs

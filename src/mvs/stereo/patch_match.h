@@ -44,11 +44,8 @@ struct StereoResult {
 /// for the depth range and the choice of view pairs; may be empty. Bit-identical from run to run
 /// and for any number of threads. Throws Error(ExitCode::input) for fewer than two views, if no
 /// pair of views overlaps, and if the depth range is unknown.
-StereoResult reconstruct_stereo(Cpu,
-                                const std::vector<View>& views,
-                                const std::vector<Vec3f>& points,
-                                const StereoOptions& options);
-StereoResult reconstruct_stereo(Cuda,
+template <class Device>
+StereoResult reconstruct_stereo(Device,
                                 const std::vector<View>& views,
                                 const std::vector<Vec3f>& points,
                                 const StereoOptions& options);

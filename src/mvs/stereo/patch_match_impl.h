@@ -77,28 +77,24 @@ private:
     bool few_views() const { return view_count() <= 5; }
     /// Pyramids of small views have fewer levels; their last level serves all coarser ones.
     const StereoLevel& level_of(int view, int level) const {
-        const auto& levels = pyramids_[static_cast<std::size_t>(view)].levels;
+        const auto& levels = pyramids_[view].levels;
         return levels[std::min(static_cast<std::size_t>(level), levels.size() - 1)];
     }
 
     int pixel_count(int v) const {
-        return first_pixel_[static_cast<std::size_t>(v) + 1] -
-               first_pixel_[static_cast<std::size_t>(v)];
+        return first_pixel_[static_cast<std::size_t>(v) + 1] - first_pixel_[v];
     }
     /// One view's part of an array over all views.
     template <class T>
     Span<T> of_view(Span<T> all, int v) const {
-        return {all.data + first_pixel_[static_cast<std::size_t>(v)],
-                static_cast<std::size_t>(pixel_count(v))};
+        return {all.data + first_pixel_[v], static_cast<std::size_t>(pixel_count(v))};
     }
 
     /// Loads images and cameras of the next level and initialises its planes.
     void enter_level(int level) {
         const bool first = level == levels_ - 1;
-        images_.swap(coarse_images_);
-        planes_.swap(coarse_planes_);
-        costs_.swap(coarse_costs_);
-        selected_.swap(coarse_selected_);
+        images_.swap(coarse_images_), planes_.swap(coarse_planes_);
+        costs_.swap(coarse_costs_), selected_.swap(coarse_selected_);
         const std::vector<StereoPass> coarse = passes_;
 
         std::size_t pixels = 0;
@@ -121,31 +117,26 @@ private:
             grey.insert(grey.end(), image.begin(), image.end());
         }
         copy(grey, images_);
-        planes_.resize(pixels);
-        costs_.resize(pixels);
-        selected_.resize(pixels);
+        planes_.resize(pixels), costs_.resize(pixels), selected_.resize(pixels);
         depths_.resize(pixels);
         upload_sources(level);
         make_passes(level);
 
-        for (int v = 0; v < view_count(); ++v) {
-            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
-            const int count = pixel_count(v);
+        for (const StereoPass& pass : passes_) {
+            const auto for_pixels = [&](const auto& body) {
+                parallel_for(Device{}, pixel_count(pass.view), body);
+            };
             if (pass.sources.empty()) {
-                parallel_for(Device{}, count, ClearBody{pass});
-                continue;
-            }
-            const bool same_size = !first && level_of(v, level).camera.width_px ==
-                                                 level_of(v, level + 1).camera.width_px;
-            if (first) {
-                parallel_for(Device{}, count, SweepBody{pass});
-            } else if (same_size) {
-                parallel_for(Device{}, count, CopyBody{coarse[static_cast<std::size_t>(v)], pass});
+                for_pixels(ClearBody{pass});
+            } else if (first) {
+                for_pixels(SweepBody{pass});
             } else {
-                const StereoPass& from = coarse[static_cast<std::size_t>(v)];
-                parallel_for(Device{}, count,
-                             UpsampleBody{pass, from.camera, from.image, from.planes, from.costs,
-                                          from.selected});
+                const StereoPass& from = coarse[pass.view];
+                if (pass.camera.width_px == from.camera.width_px)
+                    for_pixels(CopyBody{from, pass});
+                else
+                    for_pixels(UpsampleBody{pass, from.camera, from.image, from.planes, from.costs,
+                                            from.selected});
             }
         }
     }
@@ -155,11 +146,10 @@ private:
         source_begin_.assign(1, 0);
         for (int v = 0; v < view_count(); ++v) {
             const Camera& own = level_of(v, level).camera;
-            const ViewPlan& plan = plans_[static_cast<std::size_t>(v)];
+            const ViewPlan& plan = plans_[v];
             for (std::size_t k = 0; k < plan.sources.size(); ++k) {
                 const int j = plan.sources[k];
-                sources.push_back(make_source(own, level_of(j, level).camera, j,
-                                              first_pixel_[static_cast<std::size_t>(j)]));
+                sources.push_back(make_source(own, level_of(j, level).camera, j, first_pixel_[j]));
                 sources.back().min_variance = level_of(j, level).min_variance;
                 sources.back().weight = plan.weights[k];
             }
@@ -236,12 +226,10 @@ private:
         Buffer<float, Device> kept(pixels), confidences(pixels);
         kept.fill_zero(), confidences.fill_zero();
         Buffer<std::uint8_t, Device> mask, uniqueness;
-        for (int v = 0; v < view_count(); ++v) {
-            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+        for (const StereoPass& pass : passes_) {
+            const int v = pass.view;
             if (pass.sources.empty()) continue;
-            copy(options_.use_masks ? pyramids_[static_cast<std::size_t>(v)].mask
-                                    : std::vector<std::uint8_t>(),
-                 mask);
+            copy(options_.use_masks ? pyramids_[v].mask : std::vector<std::uint8_t>(), mask);
             uniqueness.resize(static_cast<std::size_t>(pixel_count(v)));
             parallel_for(Device{}, pixel_count(v),
                          FilterBody{pass, filter, std::cos(kMinAngleDeg * degree),
@@ -256,10 +244,9 @@ private:
         std::vector<float> depths = to_host(kept);
         std::vector<float> confidence = to_host(confidences);
         std::vector<DepthMapSpan> maps;
-        for (int v = 0; v < view_count(); ++v) {
-            const Camera& camera = passes_[static_cast<std::size_t>(v)].camera;
-            const auto first = static_cast<std::size_t>(first_pixel_[v]);
-            maps.push_back({camera.width_px, camera.height_px, depths.data() + first,
+        for (const StereoPass& pass : passes_) {
+            const int first = first_pixel_[pass.view];
+            maps.push_back({pass.camera.width_px, pass.camera.height_px, depths.data() + first,
                             confidence.data() + first});
         }
         remove_small_segments(maps);
@@ -272,16 +259,14 @@ private:
         confirmed.fill_zero();
         Buffer<std::uint32_t, Device> colors;
         copy(packed_colors(pyramids_), colors);
-        for (int v = 0; v < view_count(); ++v) {
-            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+        for (const StereoPass& pass : passes_)
             parallel_for(
-                Device{}, pixel_count(v),
+                Device{}, pixel_count(pass.view),
                 ConfirmBody{pass, fusion, std::as_const(kept).span(), std::as_const(planes_).span(),
-                            of_view(confirmed.span(), v), first_pixel_[v]});
-        }
+                            of_view(confirmed.span(), pass.view), first_pixel_[pass.view]});
         Buffer<FusedPoint, Device> points;
-        for (int v = 0; v < view_count(); ++v) {
-            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+        for (const StereoPass& pass : passes_) {
+            const int v = pass.view;
             points.resize(static_cast<std::size_t>(pixel_count(v)));
             parallel_for(Device{}, pixel_count(v),
                          FuseBody{pass, fusion, std::as_const(kept).span(),
@@ -293,22 +278,18 @@ private:
                 result.cloud.positions.push_back(p.position);
                 result.cloud.normals.push_back(p.normal);
                 result.cloud.confidences.push_back(p.confidence);
-                result.cloud.colors.push_back(Vec3f{static_cast<float>(p.color & 255),
-                                                    static_cast<float>(p.color >> 8 & 255),
-                                                    static_cast<float>(p.color >> 16 & 255)} /
-                                              255.0f);
+                result.cloud.colors.push_back(FuseBody::unpacked(p.color) / 255.0f);
             }
         }
 
         // 3. Copies the maps.
         const std::vector<SurfacePlane> planes = to_host(planes_);
-        for (int v = 0; v < view_count(); ++v) {
-            const auto first = static_cast<std::ptrdiff_t>(first_pixel_[v]);
-            const auto last = first + pixel_count(v);
-            StereoMaps map;
-            map.camera = passes_[static_cast<std::size_t>(v)].camera;
-            map.depth.assign(depths.begin() + first, depths.begin() + last);
-            map.confidence.assign(confidence.begin() + first, confidence.begin() + last);
+        for (const StereoPass& pass : passes_) {
+            const int first = first_pixel_[pass.view], last = first + pixel_count(pass.view);
+            StereoMaps map{pass.camera,
+                           {depths.begin() + first, depths.begin() + last},
+                           {},
+                           {confidence.begin() + first, confidence.begin() + last}};
             map.normals.resize(map.depth.size());
             for (std::size_t i = 0; i < map.depth.size(); ++i)
                 if (map.depth[i] > 0)
@@ -334,5 +315,13 @@ private:
     std::vector<int> first_pixel_;  // of each view, and one past the last
     std::vector<StereoPass> passes_;
 };
+
+template <class Device>
+StereoResult reconstruct_stereo(Device,
+                                const std::vector<View>& views,
+                                const std::vector<Vec3f>& points,
+                                const StereoOptions& options) {
+    return PatchMatch<Device>(views, points, options).run();
+}
 
 }  // namespace tvsgs

@@ -104,9 +104,8 @@ void require_views(const std::vector<View>& views) {
 
 std::vector<StereoPyramid> make_pyramids(const std::vector<View>& views) {
     std::vector<StereoPyramid> out(views.size());
-    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int v) {
-        out[static_cast<std::size_t>(v)] = make_pyramid(views[static_cast<std::size_t>(v)]);
-    });
+    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()),
+                       [&](int v) { out[v] = make_pyramid(views[v]); });
     return out;
 }
 

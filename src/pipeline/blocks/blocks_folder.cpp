@@ -1,11 +1,13 @@
 #include "pipeline/blocks/blocks_folder.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 
 #include "core/grouped.h"
+#include "core/log.h"
 #include "io/files/atomic_file.h"
 #include "io/files/checkpoint.h"
 #include "io/files/json_value.h"
@@ -22,20 +24,16 @@ std::uint32_t crc_of(std::string_view bytes, std::uint32_t so_far = 0) {
 }
 
 std::string hex(std::uint32_t crc) {
-    char text[9];
-    std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(crc));
-    return text;
+    return fmt::format("{:08x}", crc);
 }
 
 JsonValue files_json(const std::vector<FileRecord>& files) {
     JsonValue list = JsonValue::list();
-    for (const FileRecord& file : files) {
-        JsonValue entry = JsonValue::object();
-        entry.set("name", file.name);
-        entry.set("bytes", static_cast<double>(file.bytes));
-        entry.set("crc32", hex(file.crc));
-        list.items.push_back(std::move(entry));
-    }
+    for (const FileRecord& file : files)
+        list.items.push_back(JsonValue()
+                                 .add("name", file.name)
+                                 .add("bytes", file.bytes)
+                                 .add("crc32", hex(file.crc)));
     return list;
 }
 
@@ -47,7 +45,7 @@ public:
         try {
             root_ = parse_json_value(read_bytes(path_), path_);
         } catch (const Error& error) {
-            throw Error(ExitCode::input, str(error.what(), "; ", remedy_));
+            throw input_error(error.what(), "; ", remedy_);
         }
         const double version = root_["version"].number_or(-1);
         if (version != kBlocksVersion)
@@ -58,13 +56,12 @@ public:
     Error wrong(const std::string& what) const {
         return Error(ExitCode::input, str(path_, ": ", what, "; ", remedy_));
     }
-    const JsonValue& root() const { return root_; }
-
     const JsonValue& at(const JsonValue& object, const char* key, JsonValue::Kind kind) const {
         const JsonValue& value = object[key];
         if (!value.is(kind)) throw wrong(str("'", key, "' is missing or of a wrong type"));
         return value;
     }
+    const JsonValue& list(const char* key) const { return at(root_, key, JsonValue::Kind::list); }
     double number(const char* key) const { return at(root_, key, JsonValue::Kind::number).number; }
     std::int64_t count(const char* key) const {
         const double value = number(key);
@@ -73,9 +70,10 @@ public:
         return static_cast<std::int64_t>(value);
     }
     std::string text(const char* key) const { return at(root_, key, JsonValue::Kind::text).text; }
-    std::uint32_t crc(const JsonValue& value) const {
+    std::uint32_t crc(const char* key) const { return crc(root_, key); }
+    std::uint32_t crc(const JsonValue& object, const char* key) const {
         std::uint32_t crc = 0;
-        const std::string& t = value.text;
+        const std::string& t = at(object, key, JsonValue::Kind::text).text;
         const auto end = t.data() + t.size();
         if (t.size() != 8 || std::from_chars(t.data(), end, crc, 16).ptr != end)
             throw wrong(str("'", shown(t), "' is not a CRC-32"));
@@ -96,12 +94,12 @@ public:
     }
     std::vector<FileRecord> files() const {
         std::vector<FileRecord> out;
-        for (const JsonValue& entry : at(root_, "files", JsonValue::Kind::list).items) {
+        for (const JsonValue& entry : list("files").items) {
             FileRecord file;
             file.name = at(entry, "name", JsonValue::Kind::text).text;
             file.bytes = static_cast<std::uint64_t>(
                 std::max(0.0, at(entry, "bytes", JsonValue::Kind::number).number));
-            file.crc = crc(at(entry, "crc32", JsonValue::Kind::text));
+            file.crc = crc(entry, "crc32");
             if (fs::path(file.name).is_absolute() || file.name.find("..") != std::string::npos)
                 throw wrong(str("file '", shown(file.name), "' lies outside its folder"));
             out.push_back(std::move(file));
@@ -130,30 +128,42 @@ JsonValue list_of(Vec3d v) {
 }
 
 JsonValue manifest_json(const BlocksManifest& m) {
-    JsonValue root = JsonValue::object();
-    root.set("version", static_cast<double>(kBlocksVersion));
-    root.set("scene", m.scene);
-    root.set("scene_crc32", hex(m.scene_crc));
-    root.set("seed", static_cast<double>(m.seed));
-    root.set("iterations", static_cast<double>(m.iterations));
-    root.set("origin", list_of(m.origin));
-    JsonValue frame = JsonValue::list();
+    JsonValue frame = JsonValue::list(), near = JsonValue::list(), cells = JsonValue::list();
     for (int r = 0; r < 3; ++r) {
         const double* row = m.frame.ground_from_world[r];
         frame.items.push_back(list_of({row[0], row[1], row[2]}));
     }
-    root.set("ground_from_world", std::move(frame));
-    root.set("voxel_size", m.voxel_size);
-    JsonValue near = JsonValue::list();
     near.items = {list_of(m.near.low), list_of(m.near.high)};
-    root.set("near", std::move(near));
-    root.set("margin", m.margin);
-    JsonValue cells = JsonValue::list();
     for (const GroundCell& cell : m.cells)  // [x0, x1, y0, y1]; null: infinite
-        cells.items.push_back(
-            JsonValue(std::vector<double>{cell.low[0], cell.high[0], cell.low[1], cell.high[1]}));
-    root.set("cells", std::move(cells));
-    return root;
+        cells.items.push_back(std::vector{cell.low[0], cell.high[0], cell.low[1], cell.high[1]});
+    JsonValue root;
+    root.add("version", kBlocksVersion)
+        .add("scene", m.scene)
+        .add("scene_crc32", hex(m.scene_crc))
+        .add("seed", m.seed)
+        .add("iterations", m.iterations)
+        .add("origin", list_of(m.origin));
+    root.add("ground_from_world", frame).add("voxel_size", m.voxel_size).add("near", near);
+    return root.add("margin", m.margin).add("cells", cells);
+}
+
+/// The beginning of block.json and done.json.
+template <class Record>
+JsonValue record_json(const Record& record) {
+    return JsonValue()
+        .add("version", kBlocksVersion)
+        .add("block", record.block)
+        .add("split", hex(record.split));
+}
+
+/// Reads that, and the list of files. Throws for a record of another block or split.
+template <class Record>
+void read_record(const Reader& in, const BlocksManifest& manifest, int block, Record& record) {
+    record.block = static_cast<int>(in.count("block")), record.split = in.crc("split");
+    if (record.block != block || record.split != manifest.split)
+        throw in.wrong(str("for block ", record.block, " of split ", hex(record.split),
+                           ", expected block ", block, " of split ", hex(manifest.split)));
+    record.files = in.files();
 }
 
 /// Throws for the first damaged file.
@@ -163,8 +173,7 @@ void require_files(const std::string& folder,
                    const std::string& remedy) {
     for (const FileRecord& file : files)
         if (const auto fault = fault_of(folder, file))
-            throw Error(ExitCode::input,
-                        str(whose, ": ", folder, "/", file.name, " ", *fault, "; ", remedy));
+            throw input_error(whose, ": ", folder, "/", file.name, " ", *fault, "; ", remedy);
 }
 
 }  // namespace
@@ -195,9 +204,7 @@ std::optional<std::string> fault_of(const std::string& folder, const FileRecord&
 }
 
 std::string BlocksManifest::block_name(int block) {
-    char name[32];
-    std::snprintf(name, sizeof name, "block_%03d", block);
-    return name;
+    return fmt::format("block_{:03d}", block);
 }
 
 int BlocksManifest::block_of(Vec3d world) const {
@@ -212,39 +219,36 @@ std::uint32_t split_of(const BlocksManifest& manifest) {
 }
 
 void write_manifest(const BlocksManifest& manifest) {
-    JsonValue root = manifest_json(manifest);
-    root.set("split", hex(manifest.split));
-    root.set("files", files_json(manifest.files));
+    const JsonValue root = manifest_json(manifest)
+                               .add("split", hex(manifest.split))
+                               .add("files", files_json(manifest.files));
     write_text_file(manifest.folder + "/manifest.json", json_text(root) + "\n");
 }
 
 BlocksManifest read_manifest(const std::string& folder) {
     const std::string path = folder + "/manifest.json";
     if (std::error_code code; !fs::exists(path, code))
-        throw Error(
-            ExitCode::input,
-            str(folder,
-                ": no manifest.json; expected a folder that tvsgs-blocks split has finished"));
+        throw input_error(
+            folder, ": no manifest.json; expected a folder that tvsgs-blocks split has finished");
     const Reader in(path, kSplitAgain);
-    using Kind = JsonValue::Kind;
     BlocksManifest m;
     m.folder = folder;
     m.scene = in.text("scene");
-    m.scene_crc = in.crc(in.at(in.root(), "scene_crc32", Kind::text));
+    m.scene_crc = in.crc("scene_crc32");
     m.seed = static_cast<std::int64_t>(in.number("seed"));
     m.iterations = static_cast<int>(std::min<std::int64_t>(in.count("iterations"), 1000000000));
-    m.origin = in.vec(in.at(in.root(), "origin", Kind::list), "origin");
-    const JsonValue& frame = in.at(in.root(), "ground_from_world", Kind::list);
-    const JsonValue& near = in.at(in.root(), "near", Kind::list);
+    m.origin = in.vec(in.list("origin"), "origin");
+    const JsonValue& frame = in.list("ground_from_world");
+    const JsonValue& near = in.list("near");
     if (frame.items.size() != 3 || near.items.size() != 2)
         throw in.wrong("'ground_from_world' or 'near' has a wrong size");
     for (int r = 0; r < 3; ++r) {
-        const Vec3d row = in.vec(frame.items[static_cast<std::size_t>(r)], "ground_from_world");
+        const Vec3d row = in.vec(frame.items[r], "ground_from_world");
         for (int c = 0; c < 3; ++c) m.frame.ground_from_world[r][c] = row[c];
     }
     m.near = {in.vec(near.items[0], "near"), in.vec(near.items[1], "near")};
     m.voxel_size = in.number("voxel_size"), m.margin = in.number("margin");
-    for (const JsonValue& item : in.at(in.root(), "cells", Kind::list).items) {
+    for (const JsonValue& item : in.list("cells").items) {
         const std::vector<double> v = in.numbers(item, 4, "cells");
         const auto or_infinite = [](double x, double sign) {
             return std::isnan(x) ? sign * GroundCell::kInfinite : x;
@@ -256,21 +260,18 @@ BlocksManifest read_manifest(const std::string& folder) {
     }
     if (m.cells.empty() || m.cells.size() > 99999) throw in.wrong("no blocks, or too many");
     m.files = in.files();
-    m.split = in.crc(in.at(in.root(), "split", Kind::text));
+    m.split = in.crc("split");
     if (m.split != split_of(m)) throw in.wrong("damaged: the checksum differs");
     return m;
 }
 
 void write_block_inputs(const BlocksManifest& manifest, const BlockInputs& inputs) {
-    JsonValue root = JsonValue::object();
-    root.set("version", static_cast<double>(kBlocksVersion));
-    root.set("block", static_cast<double>(inputs.block));
-    root.set("split", hex(inputs.split));
-    root.set("views", static_cast<double>(inputs.views));
-    root.set("points", static_cast<double>(inputs.points));
-    root.set("expected_splats", static_cast<double>(inputs.expected_splats));
-    root.set("fixed_splats", static_cast<double>(inputs.fixed_splats));
-    root.set("files", files_json(inputs.files));
+    JsonValue root = record_json(inputs);
+    root.add("views", inputs.views)
+        .add("points", inputs.points)
+        .add("expected_splats", inputs.expected_splats)
+        .add("fixed_splats", inputs.fixed_splats)
+        .add("files", files_json(inputs.files));
     write_text_file(manifest.block_folder(inputs.block) + "/block.json", json_text(root) + "\n");
 }
 
@@ -282,29 +283,21 @@ BlockInputs read_block_inputs(const BlocksManifest& manifest, int block) {
             require_files(manifest.folder, {file}, whose, kSplitAgain);
     const Reader in(folder + "/block.json", kSplitAgain);
     BlockInputs inputs;
-    inputs.block = static_cast<int>(in.count("block"));
-    inputs.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
-    if (inputs.block != block || inputs.split != manifest.split)
-        throw in.wrong(str("for block ", inputs.block, " of split ", hex(inputs.split),
-                           ", expected block ", block, " of split ", hex(manifest.split)));
+    read_record(in, manifest, block, inputs);
     inputs.views = static_cast<int>(in.count("views"));
     inputs.points = in.count("points"), inputs.expected_splats = in.count("expected_splats");
     inputs.fixed_splats = in.count("fixed_splats");
-    inputs.files = in.files();
     require_files(folder, inputs.files, whose, kSplitAgain);
     return inputs;
 }
 
 void write_block_result(const BlocksManifest& manifest, const BlockResult& result) {
-    JsonValue root = JsonValue::object();
-    root.set("version", static_cast<double>(kBlocksVersion));
-    root.set("block", static_cast<double>(result.block));
-    root.set("split", hex(result.split));
-    root.set("program", result.program);
-    root.set("splats", static_cast<double>(result.splats));
-    root.set("seconds", result.seconds);
-    root.set("peak_bytes", static_cast<double>(result.peak_bytes));
-    root.set("files", files_json(result.files));
+    JsonValue root = record_json(result);
+    root.add("program", result.program)
+        .add("splats", result.splats)
+        .add("seconds", result.seconds)
+        .add("peak_bytes", result.peak_bytes)
+        .add("files", files_json(result.files));
     write_text_file(result_file(manifest, result.block), json_text(root) + "\n");
 }
 
@@ -314,15 +307,10 @@ std::optional<BlockResult> read_block_result(const BlocksManifest& manifest, int
     if (!fs::exists(path, code)) return std::nullopt;
     const Reader in(path, run_again(manifest, block));
     BlockResult result;
-    result.block = static_cast<int>(in.count("block"));
-    result.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
-    if (result.block != block || result.split != manifest.split)
-        throw in.wrong(str("for block ", result.block, " of split ", hex(result.split),
-                           ", expected block ", block, " of split ", hex(manifest.split)));
+    read_record(in, manifest, block, result);
     result.program = in.text("program");
     result.splats = in.count("splats"), result.peak_bytes = in.count("peak_bytes");
     result.seconds = in.number("seconds");
-    result.files = in.files();
     if (result.files.empty()) throw in.wrong("no splats are listed");
     require_files(folder, result.files, str("block ", block), run_again(manifest, block));
     return result;
@@ -331,11 +319,10 @@ std::optional<BlockResult> read_block_result(const BlocksManifest& manifest, int
 BlockResult require_block_result(const BlocksManifest& manifest, int block) {
     auto result = read_block_result(manifest, block);
     if (!result)
-        throw Error(
-            ExitCode::input,
-            str("block ", block, " is not trained to its end (no ", result_file(manifest, block),
-                "); train it with tvsgs-blocks run ", manifest.folder, " --block ", block,
-                ", list all such blocks with tvsgs-blocks status ", manifest.folder, " --missing"));
+        throw input_error(
+            "block ", block, " is not trained to its end (no ", result_file(manifest, block),
+            "); train it with tvsgs-blocks run ", manifest.folder, " --block ", block,
+            ", list all such blocks with tvsgs-blocks status ", manifest.folder, " --missing");
     return std::move(*result);
 }
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/error.h"
 #include "core/grouped.h"
 #include "core/math/eigen.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -25,7 +25,7 @@ struct Part {
 /// Range from the 1 % to the 99 % quantile, so that outliers do not count.
 double spread(const std::vector<Vec2<double>>& points, const std::vector<int>& of, int axis) {
     std::vector<double> values;
-    for (const int i : of) values.push_back(coordinate(points[static_cast<std::size_t>(i)], axis));
+    for (const int i : of) values.push_back(coordinate(points[i], axis));
     std::sort(values.begin(), values.end());
     const std::size_t skip = values.size() / 100;
     return values[values.size() - 1 - skip] - values[skip];
@@ -38,13 +38,12 @@ bool cut(const std::vector<Vec2<double>>& points,
          int axis,
          Part& part,
          Part& upper) {
-    const auto at = [&](int i) { return coordinate(points[static_cast<std::size_t>(i)], axis); };
+    const auto at = [&](int i) { return coordinate(points[i], axis); };
     std::vector<int> order = part.points;
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return at(a) < at(b); });
     double below = 0;
     std::size_t median = 0;
-    while (median + 1 < order.size() &&
-           below + weights[static_cast<std::size_t>(order[median])] <= 0.5 * part.weight)
+    while (median + 1 < order.size() && below + weights[order[median]] <= 0.5 * part.weight)
         below += weights[static_cast<std::size_t>(order[median++])];
     // Points at the cut belong above it; at least one must lie below.
     while (median < order.size() && !(at(order[median]) > at(order.front()))) ++median;
@@ -55,7 +54,7 @@ bool cut(const std::vector<Vec2<double>>& points,
     lower.cell.high[axis] = upper.cell.low[axis] = place;
     for (const int i : part.points) {
         Part& half = at(i) < place ? lower : upper;
-        half.points.push_back(i), half.weight += weights[static_cast<std::size_t>(i)];
+        half.points.push_back(i), half.weight += weights[i];
     }
     part = std::move(lower);
     return true;
@@ -101,9 +100,9 @@ Vec3d up_of(const std::vector<Vec3d>& centres) {
     }
     const auto found = sym_eigen(scatter);
     if (centres.size() < 3 || !(found.values[1] > 1e-6 * found.values[0]))
-        throw Error(ExitCode::input, str("the ", centres.size(),
-                                         " cameras are in a line or at one place, so the up "
-                                         "direction is unknown; give it with --up x,y,z"));
+        throw input_error("the ", centres.size(),
+                          " cameras are in a line or at one place, so the up "
+                          "direction is unknown; give it with --up x,y,z");
     return column(found.vectors, 2);
 }
 
@@ -143,10 +142,9 @@ std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
         const int longer = !of.empty() && spread(points, of, 1) > spread(points, of, 0) ? 1 : 0;
         if (of.size() < 2 || (!cut(points, weights, longer, *heaviest, upper) &&
                               !cut(points, weights, 1 - longer, *heaviest, upper)))
-            throw Error(ExitCode::input,
-                        str("cannot cut a cell of ", grouped(of.size()),
-                            " splats: too few, or all at one place; give fewer than ",
-                            parts.size() + 1, " blocks, or a larger --max-splats"));
+            throw input_error("cannot cut a cell of ", grouped(of.size()),
+                              " splats: too few, or all at one place; give fewer than ",
+                              parts.size() + 1, " blocks, or a larger --max-splats");
         parts.insert(heaviest + 1, std::move(upper));
     }
     std::vector<GroundCell> cells;
@@ -166,21 +164,21 @@ std::vector<int> choose_block_views(const std::vector<BlockView>& views,
                                     int wanted) {
     std::vector<int> seen(static_cast<std::size_t>(points)), chosen_see(seen.size());
     for (const BlockView& view : views)
-        for (const int p : view.sees) ++seen[static_cast<std::size_t>(p)];
+        for (const int p : view.sees) ++seen[p];
     std::vector<int> order(views.size());
     std::iota(order.begin(), order.end(), 0);
-    const auto share = [&](int v) { return views[static_cast<std::size_t>(v)].share; };
+    const auto share = [&](int v) { return views[v].share; };
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return share(a) > share(b); });
     std::vector<int> chosen;
     for (const int v : order) {
-        const std::vector<int>& sees = views[static_cast<std::size_t>(v)].sees;
+        const std::vector<int>& sees = views[v].sees;
         const bool needed = std::any_of(sees.begin(), sees.end(), [&](int p) {
             const auto at = static_cast<std::size_t>(p);
             return seen[at] >= wanted && chosen_see[at] < wanted;
         });
         if (!(share(v) >= least_share) && !needed) continue;
         chosen.push_back(v);
-        for (const int p : sees) ++chosen_see[static_cast<std::size_t>(p)];
+        for (const int p : sees) ++chosen_see[p];
     }
     std::sort(chosen.begin(), chosen.end());
     return chosen;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
@@ -47,8 +46,8 @@ BlockSplats part_of_block(const BlocksManifest& manifest,
         double share = home == block ? 1 : 0;
         if (block > 0 && home > 0 && fade > 0) {
             const Vec2<double> reach = reach_on_ground(manifest.frame, splats.quats[i], l);
-            share = manifest.cells[static_cast<std::size_t>(block - 1)].share(
-                manifest.frame.on_ground(mean), {fade * reach.x, fade * reach.y});
+            share = manifest.cells[block - 1].share(manifest.frame.on_ground(mean),
+                                                    {fade * reach.x, fade * reach.y});
         }
         if (share == 0) continue;
         if (share < 1) {

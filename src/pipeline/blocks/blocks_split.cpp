@@ -2,19 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
-#include "core/error.h"
 #include "core/grouped.h"
 #include "core/math/point_tree.h"
 #include "core/math/quantile.h"
-#include "core/math/sigmoid.h"
-#include "pipeline/run/view_evaluation.h"
+#include "io/files/read_file.h"
 #include "render/tiles/sh_math.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr std::size_t kSample = 2000;  // splats at which distances are measured
+constexpr double kLeastShare = 0.1;    // of a view's pixels, to make it a view of a block
 constexpr double kFarBox = 1.5;        // factor to the box of 1 to 99 % of the coarse splats
 // Margins: share of a cell's shortest side, number of vote reaches, number of mesh voxels (four
 // truncations of four voxels).
@@ -29,7 +29,7 @@ std::vector<std::size_t> even_choice(std::size_t count, std::size_t most) {
 }
 
 Vec3d mean_of(const Gaussians<Cpu>& splats, std::size_t i) {
-    return vec_cast<double>(std::as_const(splats.means).span()[i]);
+    return vec_cast<double>(splats.means[i]);
 }
 
 Box3d near_box(const GroundFrame& frame, const Gaussians<Cpu>& coarse) {
@@ -117,34 +117,26 @@ void plan_cells(const Scene& scene,
     manifest.near = near_box(manifest.frame, coarse);
     manifest.cells = {GroundCell{}};
 
-    std::vector<Vec2<double>> places;
-    std::vector<double> weights(coarse.means.size()), pixels(coarse.means.size());
-    std::vector<int> near;
-    const auto means = std::as_const(coarse.means).span();
-    const auto scales = std::as_const(coarse.log_scales).span();
-    for (std::size_t i = 0; i < coarse.means.size(); ++i)
-        if (is_near(manifest, mean_of(coarse, i))) near.push_back(static_cast<int>(i));
-    parallel_for(Cpu{}, static_cast<int>(near.size()), [&](int k) {
-        const auto i = static_cast<std::size_t>(near[static_cast<std::size_t>(k)]);
-        pixels[i] = static_cast<double>(finest_pixel(cameras, means[i])) / finer;
-        weights[i] = finer_splats(scales[i], pixels[i]);
-    });
-    std::vector<double> near_weights, near_pixels;
-    std::vector<Vec3f> near_means;
-    double total = 0;
-    for (const int at : near) {
-        const auto i = static_cast<std::size_t>(at);
+    std::vector<Vec2<double>> places;  // of the near splats, as the other lists
+    std::vector<Vec3f> means, log_scales;
+    for (std::size_t i = 0; i < coarse.means.size(); ++i) {
+        if (!is_near(manifest, mean_of(coarse, i))) continue;
         places.push_back(manifest.frame.on_ground(mean_of(coarse, i)));
-        near_weights.push_back(weights[i]), near_pixels.push_back(pixels[i]);
-        near_means.push_back(means[i]);
-        total += weights[i];
+        means.push_back(coarse.means[i]), log_scales.push_back(coarse.log_scales[i]);
     }
+    std::vector<double> weights(means.size()), pixels(means.size());
+    parallel_for(Cpu{}, static_cast<int>(means.size()), [&](int k) {
+        const auto i = static_cast<std::size_t>(k);
+        pixels[i] = static_cast<double>(finest_pixel(cameras, means[i])) / finer;
+        weights[i] = finer_splats(log_scales[i], pixels[i]);
+    });
+    const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
     manifest.voxel_size = options.mesh.meshers.tsdf.voxel_size > 0
                               ? static_cast<double>(options.mesh.meshers.tsdf.voxel_size)
-                              : quantile(near_pixels, 0.5);
+                              : quantile(pixels, 0.5);
 
-    const double denser = std::max(1.0, expected / static_cast<double>(near.size()));
-    const double reach = vote_reach(near_means, options.train.tv.k, denser);
+    const double denser = std::max(1.0, expected / static_cast<double>(means.size()));
+    const double reach = vote_reach(means, options.train.tv.k, denser);
 
     // Cells shrink until they fit with their margins, which depend on the cells.
     const auto margin_of = [&](const std::vector<GroundCell>& cells) {
@@ -160,24 +152,23 @@ void plan_cells(const Scene& scene,
         for (const GroundCell& cell : cells) {
             double weight = 0;
             for (std::size_t i = 0; i < places.size(); ++i)
-                if (cell.distance(places[i]) < margin) weight += near_weights[i];
+                if (cell.distance(places[i]) < margin) weight += weights[i];
             most = std::max(most, weight);
         }
         return most / total * expected;
     };
     for (int count = std::max(1, split.blocks);; ++count) {
-        manifest.cells = split_cells(places, near_weights, count, 0);
+        manifest.cells = split_cells(places, weights, count, 0);
         manifest.margin = margin_of(manifest.cells);
         if (split.blocks > 0) break;
         const double most = heaviest(manifest.cells, manifest.margin);
         if (most <= static_cast<double>(split.max_splats)) break;
         if (count >= 4096 ||
             (count > 1 && shortest_side(manifest.cells.front(), manifest.near) < manifest.margin))
-            throw Error(
-                ExitCode::input,
-                str("--max-splats ", split.max_splats, ": even ", count, " blocks need ",
-                    grouped(static_cast<std::int64_t>(most)), " splats each, with margins of ",
-                    manifest.margin, "; give a larger --max-splats or a smaller --margin"));
+            throw input_error("--max-splats ", split.max_splats, ": even ", count, " blocks need ",
+                              grouped(static_cast<std::int64_t>(most)),
+                              " splats each, with margins of ", manifest.margin,
+                              "; give a larger --max-splats or a smaller --margin");
     }
 }
 
@@ -187,7 +178,7 @@ std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
     std::vector<std::vector<int>> all(static_cast<std::size_t>(manifest.count()));
     for (std::size_t i = 0; i < coarse.means.size(); ++i)
         if (const int block = manifest.block_of(mean_of(coarse, i)); block > 0)
-            all[static_cast<std::size_t>(block - 1)].push_back(static_cast<int>(i));
+            all[block - 1].push_back(static_cast<int>(i));
     for (std::vector<int>& of : all) {
         std::vector<int> chosen;
         for (const std::size_t k : even_choice(of.size(), most)) chosen.push_back(of[k]);
@@ -217,13 +208,12 @@ void add_block_view(const Gaussians<Cpu>& coarse,
             for (std::size_t b = 0; b < manifest.cells.size(); ++b)
                 pixels[b] += manifest.cells[b].distance(place) < manifest.margin;
         }
-    const auto means = std::as_const(coarse.means).span();
     for (std::size_t b = 0; b < manifest.cells.size(); ++b) {
         BlockView& look = looks[b][v];
         look.share =
             with_depth == 0 ? 0 : static_cast<double>(pixels[b]) / static_cast<double>(with_depth);
         for (std::size_t k = 0; k < counted[b].size(); ++k) {
-            const Vec3f mean = means[static_cast<std::size_t>(counted[b][k])];
+            const Vec3f mean = coarse.means[static_cast<std::size_t>(counted[b][k])];
             if (!is_in_view(camera, mean)) continue;
             const Vec3f p = camera.camera_from_world * mean;
             const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
@@ -238,13 +228,10 @@ void add_block_view(const Gaussians<Cpu>& coarse,
 std::vector<BlockContents> fill_blocks(const Scene& scene,
                                        const Gaussians<Cpu>& coarse,
                                        const BlocksManifest& manifest,
-                                       const SplitOptions& split,
                                        double expected,
                                        const std::vector<std::vector<BlockView>>& looks) {
     constexpr std::size_t kFewPoints = 100;
     const auto counted = counted_splats(coarse, manifest);
-    const auto means = std::as_const(coarse.means).span();
-    const auto scales = std::as_const(coarse.log_scales).span();
     const auto belongs = [&](const GroundCell& cell, Vec3d p) {
         return is_near(manifest, p) && cell.distance(manifest.frame.on_ground(p)) < manifest.margin;
     };
@@ -253,24 +240,23 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
         BlockContents& block = blocks[b];
         const GroundCell& cell = manifest.cells[b];
         block.views =
-            choose_block_views(looks[b], static_cast<int>(counted[b].size()), split.least_share);
+            choose_block_views(looks[b], static_cast<int>(counted[b].size()), kLeastShare);
         if (block.views.size() < 2)
-            throw Error(ExitCode::input,
-                        str("block ", b + 1, ": ", block.views.size(),
-                            " photographs show its cell, expected at least 2; give fewer blocks"));
+            throw input_error("block ", b + 1, ": ", block.views.size(),
+                              " photographs show its cell, expected at least 2; give fewer blocks");
 
         std::vector<Camera> cameras;
-        for (const int v : block.views)
-            cameras.push_back(scene.train[static_cast<std::size_t>(v)].camera);
+        for (const int v : block.views) cameras.push_back(scene.train[v].camera);
         std::vector<int> inside;
         for (std::size_t i = 0; i < coarse.means.size(); ++i) {
-            if (belongs(cell, vec_cast<double>(means[i]))) {
+            if (belongs(cell, mean_of(coarse, i))) {
                 inside.push_back(static_cast<int>(i));
                 continue;
             }
-            const float radius = 3 * std::exp(std::max({scales[i].x, scales[i].y, scales[i].z}));
+            const Vec3f l = coarse.log_scales[i];
+            const float radius = 3 * std::exp(std::max({l.x, l.y, l.z}));
             if (std::any_of(cameras.begin(), cameras.end(), [&](const Camera& camera) {
-                    return may_be_visible(camera, means[i], radius);
+                    return may_be_visible(camera, coarse.means[i], radius);
                 }))
                 block.fixed.push_back(static_cast<int>(i));
         }
@@ -289,8 +275,8 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
         block.points = {};
         for (const int i : inside) {
             const auto at = static_cast<std::size_t>(i);
-            block.points.positions.push_back(means[at]);
-            Vec3f color = std::as_const(coarse.sh).span()[at];
+            block.points.positions.push_back(coarse.means[at]);
+            Vec3f color = coarse.sh[at];
             for (int c = 0; c < 3; ++c)
                 color[c] = std::clamp(0.5f + static_cast<float>(kShC0) * color[c], 0.0f, 1.0f);
             block.points.colors.push_back(color);

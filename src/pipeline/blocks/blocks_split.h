@@ -6,7 +6,6 @@
 #include <optional>
 #include <vector>
 
-#include "core/device/parallel.h"
 #include "core/progress.h"
 #include "optim/growth/fixed_splats.h"
 #include "pipeline/blocks/blocks_folder.h"
@@ -19,7 +18,6 @@ struct SplitOptions {
     std::int64_t max_splats = 0;  // expected splats in a cell with its margin
     double margin = 0;            // world units; 0: from cells, votes and voxels
     std::optional<Vec3d> up;      // absent: estimated from the cameras
-    double least_share = 0.1;     // of a view's pixels, to make it a view of the block
 };
 
 /// Sets cells, frame, near box, margin, voxel size and origin of `manifest` from the splats of the
@@ -46,7 +44,6 @@ struct BlockContents {
 std::vector<BlockContents> fill_blocks(const Scene& scene,
                                        const Gaussians<Cpu>& coarse,
                                        const BlocksManifest& manifest,
-                                       const SplitOptions& split,
                                        double expected,
                                        const std::vector<std::vector<BlockView>>& looks);
 

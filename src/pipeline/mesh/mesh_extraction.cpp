@@ -1,14 +1,14 @@
 #include "pipeline/mesh/mesh_extraction.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
+#include "io/files/read_file.h"
 #include "mesh/mend/measured.h"
+#include "mesh/mend/mesh_clean.h"
 #include "mesh/mend/mesh_holes.h"
 #include "mesh/mend/mesh_manifold.h"
 #include "mesh/mend/mesh_smooth.h"
@@ -17,6 +17,10 @@ namespace tvsgs {
 namespace {
 
 constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
+
+void add_part(std::string& list, std::size_t count, const char* what) {
+    if (count > 0) list += str(list.empty() ? "" : ", ", grouped(count), " ", what);
+}
 
 }  // namespace
 
@@ -58,10 +62,9 @@ MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRule
     const float radius =
         unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
     if ((unbounded || rules.depth_max == 0) && !(radius > 0))
-        throw Error(ExitCode::input,
-                    str("unknown size of the scene: a camera is at the point that all cameras "
-                        "look at; pass ",
-                        unbounded ? "--set mesh.radius=R" : "--depth-max"));
+        throw input_error(
+            "unknown size of the scene: a camera is at the point that all cameras look at; pass ",
+            unbounded ? "--set mesh.radius=R" : "--depth-max");
     if (rules.depth_max == 0)
         rules.depth_max = unbounded ? std::numeric_limits<float>::max()
                                     : static_cast<float>(kDepthLimit) * radius;
@@ -73,14 +76,6 @@ std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_byte
                ? parse_bytes("--memory", options.memory)
                : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
 }
-
-namespace {
-
-void add_part(std::string& list, std::size_t count, const char* what) {
-    if (count > 0) list += str(list.empty() ? "" : ", ", grouped(count), " ", what);
-}
-
-}  // namespace
 
 std::string keep_measured(TriangleMesh& mesh,
                           const std::vector<View>& views,

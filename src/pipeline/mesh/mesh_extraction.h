@@ -10,7 +10,6 @@
 #include "core/scene/scene.h"
 #include "mesh/fuse/focus.h"
 #include "mesh/fuse/large_splats.h"
-#include "mesh/mend/mesh_clean.h"
 #include "mesh/meshers_list.h"
 #include "mesh/simplify/simplify.h"
 #include "optim/loop/train.h"

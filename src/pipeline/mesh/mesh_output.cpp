@@ -1,5 +1,7 @@
 #include "pipeline/mesh/mesh_output.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
@@ -13,12 +15,6 @@ namespace tvsgs {
 namespace {
 
 constexpr int kMinSide = 256, kMaxSide = 8192;  // all devices support 8192
-
-bool has_photographs(const std::vector<View>& views) {
-    for (const View& view : views)
-        if (!view.photo.empty()) return true;
-    return false;
-}
 
 }  // namespace
 
@@ -56,7 +52,7 @@ MeshTexture texture_of(const TriangleMesh& mesh,
                        const std::string& out) {
     const int side = texture_side(options);
     if (side == 0 || mesh_format(out).value_or(MeshFormat::ply) == MeshFormat::ply) return {};
-    if (!has_photographs(views)) {
+    if (std::ranges::all_of(views, [](const View& view) { return view.photo.empty(); })) {
         spdlog::warn("No photographs: the mesh gets vertex colours and no texture");
         return {};
     }

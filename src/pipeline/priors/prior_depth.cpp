@@ -195,8 +195,8 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     // 1. Sample the maps at the scene's points.
     std::vector<FittedView> fitted(views.size());
     parallel_for_throwing(count, [&](int i) {
-        FittedView& view = fitted[static_cast<std::size_t>(i)];
-        const PriorView& from = views[static_cast<std::size_t>(i)];
+        FittedView& view = fitted[i];
+        const PriorView& from = views[i];
         view.file = file_of(source, from);
         if (view.file) view.samples = samples_of(read_depth(source, *view.file, from), from);
     });
@@ -208,14 +208,14 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     const ReadingChoice choice =
         choose_reading(reliable, convention, static_cast<double>(in.options.max_residual));
     parallel_for_heavy(Cpu{}, count, [&](int i) {
-        FittedView& view = fitted[static_cast<std::size_t>(i)];
+        FittedView& view = fitted[i];
         if (view.file) fit_view(choice, in.options.max_residual, view);
     });
 
     // 3. Compute the maps.
     parallel_for_throwing(count, [&](int i) {
-        const FittedView& view = fitted[static_cast<std::size_t>(i)];
-        if (view.file && !view.left_out) make_maps(in, view, views[static_cast<std::size_t>(i)]);
+        const FittedView& view = fitted[i];
+        if (view.file && !view.left_out) make_maps(in, view, views[i]);
     });
     warn_of_views(fitted, views);
     const auto empty = std::count_if(fitted.begin(), fitted.end(),

@@ -32,8 +32,7 @@ std::vector<WithFile> with_files(const PriorFiles& source, std::vector<PriorView
 template <class Body>
 void for_each(const std::vector<WithFile>& files, const Body& body) {
     parallel_for_throwing(static_cast<int>(files.size()), [&](int i) {
-        body(static_cast<std::size_t>(i), *files[static_cast<std::size_t>(i)].view,
-             *files[static_cast<std::size_t>(i)].file);
+        body(static_cast<std::size_t>(i), *files[i].view, *files[i].file);
     });
 }
 

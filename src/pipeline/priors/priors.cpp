@@ -9,6 +9,7 @@
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
 #include "io/scene/scene_layout.h"
+#include "mvs/stereo/descriptors.h"
 #include "pipeline/priors/prior_parts.h"
 
 namespace tvsgs {
@@ -158,6 +159,58 @@ void read_priors(const PriorOptions& options,
         if (features && !sources.features.empty()) note(fill_features(in, views));
         if (!found.empty()) spdlog::info("Priors: {}", found);
     });
+}
+
+namespace {
+
+struct MissingMap {
+    std::string term, map;
+};
+
+bool has_map(const View& view, std::string_view name) {
+    if (name == "mask") return !view.mask.empty();
+    return std::any_of(view.maps.begin(), view.maps.end(),
+                       [&](const ViewMap& map) { return map.name == name; });
+}
+
+/// Maps that no view has, of terms with a weight above 0. Without maps that go with another
+/// (confidence, coarse_features).
+std::vector<MissingMap> missing_maps(const LossOptions& options, const std::vector<View>& views) {
+    std::vector<MissingMap> missing;
+    for (const TermOnList& term : terms_on_list(options)) {
+        if (!(term.weight > 0)) continue;
+        for (const std::string_view map : term.needs.view_maps)
+            if (map != prior_map::kConfidence && map != prior_map::kCoarseFeatures &&
+                std::none_of(views.begin(), views.end(),
+                             [&](const View& view) { return has_map(view, map); }))
+                missing.push_back({term.key, std::string(map)});
+    }
+    return missing;
+}
+
+}  // namespace
+
+void complete_maps(const LossOptions& options, std::vector<View>& views) {
+    const auto is_features = [](const MissingMap& m) { return m.map == prior_map::kFeatures; };
+    std::vector<MissingMap> missing = missing_maps(options, views);
+    const bool describe = std::erase_if(missing, is_features) > 0;
+    if (!missing.empty()) {
+        std::string what;
+        for (const MissingMap& m : missing)
+            what += str(what.empty() ? "" : ", ", "loss.", m.term, " needs map '", m.map, "'");
+        throw Error(
+            ExitCode::usage,
+            str(what, ", which none of the ", views.size(),
+                " training views has; give such priors with --priors, or set the weight to 0"));
+    }
+    if (!describe) return;
+    // Coarse features without fine ones would be of another kind.
+    for (View& view : views)
+        std::erase_if(view.maps,
+                      [](const ViewMap& map) { return map.name == prior_map::kCoarseFeatures; });
+    const std::int64_t bytes = add_descriptors(views);
+    spdlog::info("No priors with features: uses descriptors of the photographs, {} MiB",
+                 bytes >> 20);
 }
 
 }  // namespace tvsgs

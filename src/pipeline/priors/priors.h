@@ -3,10 +3,11 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "core/scene/prior_conventions.h"
 #include "io/scene/scene_options.h"
-#include "optim/losses/loss.h"
+#include "optim/losses/losses_list.h"
 
 namespace tvsgs {
 
@@ -37,5 +38,10 @@ void read_priors(const PriorOptions& options,
                  const MapNames& wanted,
                  const SceneOptions& scene_options,
                  Scene& scene);
+
+/// Call once after all readers have added maps. If a term needs features and no view has any, adds
+/// descriptors of the photographs and logs it. Throws Error(ExitCode::usage), naming all other maps
+/// that no view has.
+void complete_maps(const LossOptions& options, std::vector<View>& views);
 
 }  // namespace tvsgs

@@ -6,9 +6,9 @@
 #include <filesystem>
 
 #include "core/device/buffer.h"
-#include "core/error.h"
 #include "core/log.h"
 #include "io/files/checkpoint.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -78,8 +78,7 @@ ResumePoint read_point(const std::string& file) {
     });
 }
 
-}  // namespace
-
+/// Checksum of the names and poses of the training views; independent of the resolution.
 std::uint32_t views_id(const Scene& scene) {
     std::uint32_t id = 0;
     for (const View& view : scene.train) {
@@ -89,8 +88,8 @@ std::uint32_t views_id(const Scene& scene) {
     return id;
 }
 
+/// Checksum of every 16th row of the photographs, which distinguishes them at little cost.
 std::uint32_t photos_id(const Scene& scene) {
-    // Every 16th row distinguishes photographs at little cost.
     std::uint32_t id = 0;
     for (const View& view : scene.train) {
         const std::size_t row = static_cast<std::size_t>(view.photo.width) * 3;
@@ -100,10 +99,7 @@ std::uint32_t photos_id(const Scene& scene) {
     return id;
 }
 
-std::uint32_t points_id(const Scene& scene) {
-    const auto& points = scene.points.positions;
-    return checksum(points.data(), points.size() * sizeof(Vec3f), 0);
-}
+}  // namespace
 
 std::optional<ResumePoint> open_checkpoint(const std::string& place) {
     std::error_code code;
@@ -130,10 +126,10 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place) {
 
 void restore_scene(const ResumePoint& point, Scene& scene) {
     if (value_of<std::uint32_t>(*point.state, "run.views") != views_id(scene))
-        throw Error(ExitCode::input,
-                    str(point.file, ": checkpoint of another scene: other names or poses than the ",
-                        scene.train.size(), " training views of ", scene.path,
-                        "; give the scene and views of the training"));
+        throw input_error(point.file,
+                          ": checkpoint of another scene: other names or poses than the ",
+                          scene.train.size(), " training views of ", scene.path,
+                          "; give the scene and views of the training");
     if (value_of<std::uint32_t>(*point.state, "run.photos") != photos_id(scene))
         spdlog::warn("{}: the photographs in {} have changed since this checkpoint", point.file,
                      scene.path);
@@ -177,19 +173,19 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
     add_values(*about, "run.points", scene_.points.positions.data(),
                scene_.points.positions.size());
     file_ = str(folder_of(run_), "/iteration_", done, ".ckpt");
-    writing_ = std::async(std::launch::async,
-                          [about = std::shared_ptr<const State>(std::move(about)), whole = state,
-                           file = file_, run = run_]() mutable -> std::string {
-                              // Frees the state after the write, not at the next checkpoint.
-                              const auto values = std::move(about), splats = std::move(whole);
-                              try {
-                                  write_checkpoint(file, {values.get(), splats.get()});
-                              } catch (const std::exception& error) {
-                                  return error.what();
-                              }
-                              keep_newest(run);
-                              return {};
-                          });
+    auto write = [about = SharedState(std::move(about)), whole = state, file = file_,
+                  run = run_]() mutable -> std::string {
+        // Frees the state after the write, not at the next checkpoint.
+        const auto values = std::move(about), splats = std::move(whole);
+        try {
+            write_checkpoint(file, {values.get(), splats.get()});
+        } catch (const std::exception& error) {
+            return error.what();
+        }
+        keep_newest(run);
+        return {};
+    };
+    writing_ = std::async(std::launch::async, std::move(write));
 }
 
 std::optional<std::string> CheckpointWriter::finish() {

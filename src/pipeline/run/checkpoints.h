@@ -32,12 +32,6 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place);
 /// when the training views differ; warns when the photographs differ.
 void restore_scene(const ResumePoint& point, Scene& scene);
 
-/// Checksums of a scene: names and poses of its training views, independent of the resolution;
-/// photographs; initial points.
-std::uint32_t views_id(const Scene& scene);
-std::uint32_t photos_id(const Scene& scene);
-std::uint32_t points_id(const Scene& scene);
-
 /// Removes checkpoints beyond iteration `done`, which open_checkpoint() would take for the newest.
 void remove_checkpoints_after(const std::string& run, int done);
 

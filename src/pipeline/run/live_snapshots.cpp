@@ -1,5 +1,6 @@
 #include "pipeline/run/live_snapshots.h"
 
+#include <chrono>
 #include <filesystem>
 
 #include "core/error.h"
@@ -39,15 +40,13 @@ void write_snapshot(const std::string& folder, const std::string& state, Gaussia
 }  // namespace
 
 bool LiveSnapshots::due() {
-    if (!(every_ > 0)) return false;
-    const std::chrono::duration<double> since = Clock::now() - last_;
-    if (since.count() < every_) return false;
+    if (!(every_ > 0) || steady_seconds() - last_ < every_) return false;
     return !writing_.valid() ||
            writing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
 void LiveSnapshots::write(int iteration, int iterations, double seconds, Gaussians<Cpu>&& splats) {
-    last_ = Clock::now();
+    last_ = steady_seconds();
     if (splats.size() == 0) return;
     try {
         if (writing_.valid()) writing_.get();

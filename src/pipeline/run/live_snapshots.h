@@ -1,10 +1,10 @@
 // Writes snapshots of a running training to RUN/live/, for viewers.
 #pragma once
 
-#include <chrono>
 #include <future>
 #include <string>
 
+#include "core/progress.h"
 #include "core/scene/gaussians.h"
 
 namespace tvsgs {
@@ -35,12 +35,10 @@ public:
 private:
     void remove_files() const;
 
-    using Clock = std::chrono::steady_clock;
-
     std::string run_;
     Vec3d origin_;
     double every_;
-    Clock::time_point last_ = Clock::now();
+    double last_ = steady_seconds();
     std::future<void> writing_;
     bool written_ = false;  // there are files to remove
 };

@@ -1,7 +1,6 @@
 #include "pipeline/run/refined_cameras.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <iomanip>
 #include <sstream>
@@ -63,11 +62,10 @@ JsonValue camera_moves_json(const Scene& scene, const CameraRefinement& refined)
     JsonValue views = JsonValue::object();
     for (int i = 0; i < refined.views(); ++i) {
         const CameraMove move = refined.move(i);
-        views.add(scene.train[static_cast<std::size_t>(i)].name,
-                  JsonValue()
-                      .add("turn_px", move.turn_px)
-                      .add("turn_deg", move.turn_deg)
-                      .add("shift_px", move.shift_px));
+        views.add(scene.train[i].name, JsonValue()
+                                           .add("turn_px", move.turn_px)
+                                           .add("turn_deg", move.turn_deg)
+                                           .add("shift_px", move.shift_px));
     }
     return JsonValue().add("views", views);
 }
@@ -81,12 +79,9 @@ std::string camera_moves_text(const CameraRefinement& refined) {
         most.turn_px = std::max(most.turn_px, move.turn_px);
         most.shift_px = std::max(most.shift_px, move.shift_px);
     }
-    char text[200];
-    std::snprintf(
-        text, sizeof text,
-        "Refined poses: turned by %.2f px (mean; max %.2f), shifted by %.2f px (max %.2f)",
+    return fmt::format(
+        "Refined poses: turned by {:.2f} px (mean; max {:.2f}), shifted by {:.2f} px (max {:.2f})",
         sum.turn_px, most.turn_px, sum.shift_px, most.shift_px);
-    return text;
 }
 
 }  // namespace tvsgs

@@ -33,27 +33,24 @@ bool is_configured(const Resume& resume, const std::string& out) {
     return resume.asked && (resume.point || fs::exists(out + "/config.json", code));
 }
 
-void require_no_lost_splats(const Resume& resume, const std::string& out) {
-    if (!resume.in_place() || resume.point || !holds_splats(out)) return;
-    throw Error(ExitCode::usage,
-                str("--resume: ", out,
-                    " has splats but no checkpoint, so it cannot continue; give another run, or "
-                    "--overwrite to remove it and start from the beginning"));
-}
-
-void require_iterations_left(const Resume& resume, int iterations) {
-    if (!resume.point || iterations > resume.done()) return;
-    throw Error(ExitCode::usage,
-                str(resume.point->file, ": already trained for ", grouped(resume.done()),
-                    " iterations; give more, such as --iterations ", 2 * resume.done()));
-}
-
-void require_same_backbone(const Resume& resume, const std::string& backbone) {
+void check_resume(const Resume& resume,
+                  const std::string& out,
+                  bool overwrite,
+                  const TrainOptions& train) {
+    if (!overwrite && resume.in_place() && !resume.point && holds_splats(out))
+        throw Error(ExitCode::usage,
+                    str("--resume: ", out,
+                        " has splats but no checkpoint, so it cannot continue; give another run, "
+                        "or --overwrite to remove it and start from the beginning"));
     if (!resume.point) return;
+    if (train.iterations <= resume.done())
+        throw Error(ExitCode::usage,
+                    str(resume.point->file, ": already trained for ", grouped(resume.done()),
+                        " iterations; give more, such as --iterations ", 2 * resume.done()));
     for (const auto& [key, value] : resume.configured)
-        if (key == "backbone" && value != backbone)
+        if (key == "backbone" && value != train.backbone)
             throw Error(ExitCode::usage, str(resume.point->file, ": splats of backbone '", value,
-                                             "', but the configuration has '", backbone,
+                                             "', but the configuration has '", train.backbone,
                                              "'; give --set backbone=", value,
                                              ", or start a new run without --resume"));
 }

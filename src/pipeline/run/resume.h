@@ -34,15 +34,13 @@ Resume open_resume(const std::string& given, std::string& out, OptionTable& tabl
 /// Whether open_resume() found a configuration of the run in `out`.
 bool is_configured(const Resume& resume, const std::string& out);
 
-/// Throws Error(ExitCode::usage) where --resume found no checkpoint in a run with splats, as a new
-/// start would remove them. `out`: the run's folder.
-void require_no_lost_splats(const Resume& resume, const std::string& out);
-
-/// Throws Error(ExitCode::usage) if the checkpoint has done `iterations` already.
-void require_iterations_left(const Resume& resume, int iterations);
-
-/// Throws Error(ExitCode::usage) if the checkpoint's splats belong to another rasteriser.
-void require_same_backbone(const Resume& resume, const std::string& backbone);
+/// Throws Error(ExitCode::usage) if the checkpoint has done all iterations, if its splats belong to
+/// another rasteriser, and if there is none in a run `out` with splats, which a new start would
+/// remove without `overwrite`.
+void check_resume(const Resume& resume,
+                  const std::string& out,
+                  bool overwrite,
+                  const TrainOptions& train);
 
 /// Logs where the run resumes. `changed`: changed options, see changed_values(). Removes
 /// checkpoints of iterations that are done again.

@@ -25,7 +25,6 @@
 
 namespace tvsgs {
 namespace fs = std::filesystem;
-
 namespace {
 
 constexpr std::string_view kEntries[] = {"config.json",
@@ -57,6 +56,88 @@ bool has_contents(const fs::path& path) {
     return false;
 }
 
+void require_outside_of_pictures(const std::string& out, const SceneOptions& scene) {
+    for (const std::string& name : {scene.images, scene.masks, std::string("images"),
+                                    std::string("mask"), std::string("masks")})
+        if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
+            throw Error(ExitCode::usage,
+                        str("--out ", out, ": lies inside the photographs of the scene, ",
+                            (fs::path(scene.path) / name).string(), "; choose another folder"));
+}
+
+/// Removes half-written files of a killed process; keeps other files.
+void remove_leftovers(const fs::path& folder) {
+    std::error_code code;
+    std::vector<fs::path> found;
+    for (fs::recursive_directory_iterator it(folder, code), end; !code && it != end;
+         it.increment(code)) {
+        const std::string name = it->path().filename().string();
+        const std::size_t mark = name.find(".tmp-");
+        const std::string_view entry = std::string_view(name).substr(0, mark);
+        if (it.depth() == 0 && std::ranges::find(kEntries, entry) == std::end(kEntries))
+            it.disable_recursion_pending();
+        else if (mark != std::string::npos)
+            found.push_back(it->path());
+    }
+    for (const fs::path& file : found) fs::remove(file, code);
+}
+
+/// Iteration of a line of the log; 0: it has none.
+int iteration_of(std::string_view line) {
+    constexpr std::string_view key = "\"iteration\": ";
+    const std::size_t at = line.find(key);
+    int iteration = 0;
+    if (at != std::string_view::npos)
+        std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
+    return iteration;
+}
+
+/// The lines of a log up to an iteration; drops a truncated line.
+std::string log_up_to(const fs::path& log, int done) {
+    std::error_code code;
+    if (!fs::is_regular_file(log, code)) return {};
+    const std::string all = read_bytes(log.string());
+    std::string kept;
+    for (std::size_t begin = 0, end; (end = all.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(all.data() + begin, end - begin);
+        if (iteration_of(line) <= done && line.ends_with('}')) kept += std::string(line) + "\n";
+    }
+    return kept;
+}
+
+/// The largest iteration with splats in a run folder; -1: none.
+int newest_splats(const std::string& run) {
+    std::error_code code;
+    const fs::path folder = fs::path(run) / "point_cloud";
+    int best = -1;
+    for (fs::directory_iterator it(folder, code), end; !code && it != end; it.increment(code)) {
+        const std::string name = it->path().filename().string(), prefix = "iteration_";
+        int iteration = -1;
+        if (name.starts_with(prefix))
+            std::from_chars(name.data() + prefix.size(), name.data() + name.size(), iteration);
+        if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
+    }
+    return best;
+}
+
+/// Whether a file with three scales holds discs: nearly all are a hundredth as thick as wide.
+bool are_thin(const Gaussians<Cpu>& splats) {
+    int thin = 0;
+    for (const Vec3f l : splats.log_scales.span())
+        thin += l.z < std::min(l.x, l.y) + std::log(0.01f);
+    return thin > 0.99 * splats.size();
+}
+
+void require_disc_backbone(const std::string& file,
+                           const std::string& backbone,
+                           const BackboneOptions& render) {
+    if (make_backbone<Cpu>(backbone, render)->traits.flat) return;
+    throw input_error("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
+                      backbone, "' draws ellipsoids; remove this key, or set one for discs (",
+                      backbones_of(true), ")");
+}
+
 }  // namespace
 
 bool lies_in(const fs::path& path, const fs::path& folder) {
@@ -68,19 +149,6 @@ bool lies_in(const fs::path& path, const fs::path& folder) {
     return std::mismatch(outer.begin(), outer.end(), whole.begin(), whole.end()).first ==
            outer.end();
 }
-
-namespace {
-
-void require_outside_of_pictures(const std::string& out, const SceneOptions& scene) {
-    for (const std::string& name : {scene.images, scene.masks, std::string("images"),
-                                    std::string("mask"), std::string("masks")})
-        if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
-            throw Error(ExitCode::usage,
-                        str("--out ", out, ": lies inside the photographs of the scene, ",
-                            (fs::path(scene.path) / name).string(), "; choose another folder"));
-}
-
-}  // namespace
 
 void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
@@ -155,62 +223,23 @@ void require_free_run_folder(const std::string& path,
                         "run with that list, or choose another folder with --out"));
 }
 
-namespace {
-
-/// Removes half-written files of a killed process; keeps other files.
-void remove_leftovers(const fs::path& folder) {
-    std::error_code code;
-    std::vector<fs::path> found;
-    for (fs::recursive_directory_iterator it(folder, code), end; !code && it != end;
-         it.increment(code)) {
-        const std::string name = it->path().filename().string();
-        const std::size_t mark = name.find(".tmp-");
-        const std::string_view entry = std::string_view(name).substr(0, mark);
-        if (it.depth() == 0 && std::ranges::find(kEntries, entry) == std::end(kEntries))
-            it.disable_recursion_pending();
-        else if (mark != std::string::npos)
-            found.push_back(it->path());
-    }
-    for (const fs::path& file : found) fs::remove(file, code);
+FolderLock::FolderLock(const std::string& folder)
+    : lock_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    held_ = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
 }
 
-/// Iteration of a line of the log; 0: it has none.
-int iteration_of(std::string_view line) {
-    constexpr std::string_view key = "\"iteration\": ";
-    const std::size_t at = line.find(key);
-    int iteration = 0;
-    if (at != std::string_view::npos)
-        std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
-    return iteration;
+FolderLock::~FolderLock() {
+    if (lock_ >= 0) close(lock_);
 }
-
-/// The lines of a log up to an iteration; drops a truncated line.
-std::string log_up_to(const fs::path& log, int done) {
-    std::error_code code;
-    if (!fs::is_regular_file(log, code)) return {};
-    const std::string all = read_bytes(log.string());
-    std::string kept;
-    for (std::size_t begin = 0, end; (end = all.find('\n', begin)) != std::string::npos;
-         begin = end + 1) {
-        const std::string_view line(all.data() + begin, end - begin);
-        if (iteration_of(line) <= done && line.ends_with('}')) kept += std::string(line) + "\n";
-    }
-    return kept;
-}
-
-}  // namespace
 
 RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     const fs::path folder(path);
     std::error_code code;
     fs::create_directories(folder, code);
-    if (!code) lock_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-        close(lock_);
+    if (lock_.emplace(path).held())
         throw Error(ExitCode::usage, str(path,
                                          ": another tvsgs-train writes there; wait for it, or "
                                          "choose another folder with --out"));
-    }
     const bool go_on = done >= 0;
     if (!code) remove_leftovers(folder);
     if (!code && go_on) {
@@ -229,7 +258,6 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
 
 RunFolder::~RunFolder() {
     if (log_ != nullptr) std::fclose(log_);
-    if (lock_ >= 0) close(lock_);
 }
 
 void RunFolder::save_config(const std::string& json) const {
@@ -291,25 +319,6 @@ void RunFolder::remove_splats_of_stops(int last) const {
     }
 }
 
-namespace {
-
-/// The largest iteration with splats in a run folder; -1: none.
-int newest_splats(const std::string& run) {
-    std::error_code code;
-    const fs::path folder = fs::path(run) / "point_cloud";
-    int best = -1;
-    for (fs::directory_iterator it(folder, code), end; !code && it != end; it.increment(code)) {
-        const std::string name = it->path().filename().string(), prefix = "iteration_";
-        int iteration = -1;
-        if (name.starts_with(prefix))
-            std::from_chars(name.data() + prefix.size(), name.data() + name.size(), iteration);
-        if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
-    }
-    return best;
-}
-
-}  // namespace
-
 bool holds_splats(const std::string& run) {
     return newest_splats(run) >= 0;
 }
@@ -319,39 +328,16 @@ std::string find_splats(const std::string& path) {
     if (fs::is_regular_file(path, code)) return path;
     const int best = newest_splats(path);
     if (best < 0 && fs::is_regular_file(path + "/config.json", code))
-        throw Error(ExitCode::input,
-                    str(path,
-                        ": no splats yet; wait for the end of the training, or continue a stopped "
-                        "one with tvsgs-train --resume ",
-                        path));
+        throw input_error(path,
+                          ": no splats yet; wait for the end of the training, or continue a "
+                          "stopped one with tvsgs-train --resume ",
+                          path);
     if (best < 0)
-        throw Error(ExitCode::input, str(path,
-                                         ": no splats; expected a splat PLY, or a run folder with "
-                                         "point_cloud/iteration_N/point_cloud.ply"));
+        throw input_error(path,
+                          ": no splats; expected a splat PLY, or a run folder with "
+                          "point_cloud/iteration_N/point_cloud.ply");
     return str((fs::path(path) / "point_cloud").string(), "/iteration_", best, "/point_cloud.ply");
 }
-
-namespace {
-
-/// Whether a file with three scales holds discs: nearly all are a hundredth as thick as wide.
-bool are_thin(const Gaussians<Cpu>& splats) {
-    int thin = 0;
-    for (const Vec3f l : splats.log_scales.span())
-        thin += l.z < std::min(l.x, l.y) + std::log(0.01f);
-    return thin > 0.99 * splats.size();
-}
-
-void require_disc_backbone(const std::string& file,
-                           const std::string& backbone,
-                           const BackboneOptions& render) {
-    if (make_backbone<Cpu>(backbone, render)->traits.flat) return;
-    throw Error(ExitCode::input,
-                str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
-                    backbone, "' draws ellipsoids; remove this key, or set one for discs (",
-                    backbones_of(true), ")"));
-}
-
-}  // namespace
 
 void choose_backbone(const std::string& file, const BackboneOptions& render, OptionTable& table) {
     if (read_ply_scales(file) != PlyScales::two) return;
@@ -365,13 +351,11 @@ Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOpt
     if (scales == PlyScales::two) require_disc_backbone(file, train.backbone, train.render);
     if (scales == PlyScales::three && !are_thin(splats) &&
         make_backbone<Cpu>(train.backbone, train.render)->traits.flat)
-        throw Error(
-            ExitCode::input,
-            str("E_PLY_SCALES: ", file, ": ellipsoids (splats with three scales), but backbone '",
-                train.backbone, "' draws discs; remove this key, or set one for ellipsoids (",
-                backbones_of(false), ")"));
-    if (splats.size() == 0)
-        throw Error(ExitCode::input, str(file, ": no usable splats; expected at least one"));
+        throw input_error("E_PLY_SCALES: ", file,
+                          ": ellipsoids (splats with three scales), but backbone '", train.backbone,
+                          "' draws discs; remove this key, or set one for ellipsoids (",
+                          backbones_of(false), ")");
+    if (splats.size() == 0) throw input_error(file, ": no usable splats; expected at least one");
     return splats;
 }
 
@@ -393,9 +377,9 @@ std::string run_config_path(const std::string& path) {
     const std::string config = path + "/config.json";
     std::error_code code;
     if (!fs::is_regular_file(config, code))
-        throw Error(ExitCode::input, str(path,
-                                         ": no run here yet (no config.json); if training has just "
-                                         "begun, wait for its first step"));
+        throw input_error(path,
+                          ": no run here yet (no config.json); if training has just begun, wait "
+                          "for its first step");
     return config;
 }
 
@@ -426,10 +410,9 @@ void require_scene_of_run(const std::string& run, const Scene& scene) {
         return;
     }
     if (2 * elsewhere > same)
-        throw Error(ExitCode::input,
-                    str(scene.path, ": not the scene of ", run, ": ", elsewhere, " of ", same,
-                        " views have other poses than in its cameras.json; give the scene of the "
-                        "training, in the same frame"));
+        throw input_error(scene.path, ": not the scene of ", run, ": ", elsewhere, " of ", same,
+                          " views have other poses than in its cameras.json; give the scene of the "
+                          "training, in the same frame");
 }
 
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {

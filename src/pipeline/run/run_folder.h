@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <initializer_list>
+#include <optional>
 #include <string>
 
 #include "core/scene/gaussians.h"
@@ -34,6 +35,21 @@ void require_output(const std::string& out,
 
 /// Whether `path` is `folder` or lies in it; follows links.
 bool lies_in(const std::filesystem::path& path, const std::filesystem::path& folder);
+
+/// A lock on a folder for this process while it lives, against a second process of the same kind.
+class FolderLock {
+public:
+    /// held() is true if another process has the lock.
+    explicit FolderLock(const std::string& folder);
+    FolderLock(const FolderLock&) = delete;
+    FolderLock& operator=(const FolderLock&) = delete;
+    ~FolderLock();
+    bool held() const { return held_; }
+
+private:
+    int lock_ = -1;
+    bool held_ = false;
+};
 
 class RunFolder {
 public:
@@ -68,7 +84,7 @@ public:
 
 private:
     std::string path_;
-    int lock_ = -1;  // file lock of the process that writes there
+    std::optional<FolderLock> lock_;
     std::FILE* log_ = nullptr;
 };
 

@@ -5,7 +5,6 @@
 
 #include "io/config/config.h"
 #include "io/scene/scene_reader.h"
-#include "mvs/stereo/descriptors.h"
 #include "mvs/stereo/patch_match.h"
 #include "optim/loop/train.h"
 #include "pipeline/mesh/mesh_extraction.h"
@@ -32,7 +31,6 @@ struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
     StereoOptions stereo;  // used for a scene with few points
-    DescriptorOptions descriptors;
     PriorOptions priors;
     MeshOptions mesh;
     MeshOutputOptions mesh_output;  // under the key `mesh`
@@ -46,7 +44,6 @@ struct RunOptions {
         table.add("", train);
         table.add("scene", scene);
         table.add("stereo", stereo);
-        table.add("descriptors", descriptors);
         table.add("priors", priors);
         table.add("mesh", mesh);
         table.add("mesh", mesh_output);

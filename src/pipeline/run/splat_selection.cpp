@@ -5,8 +5,8 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
-#include "io/splats/splat_checks.h"
 #include "optim/growth/splat_order.h"
 #include "render/depth/map_images.h"
 
@@ -57,9 +57,8 @@ SelectionReport select_splats(const SplatSelection& selection,
     if (most > 0 && places.size() > most) {
         const std::vector<double> weights = light.empty() ? size_of_splats(g) : light;
         std::vector<int> best = places;
-        std::stable_sort(best.begin(), best.end(), [&](int a, int b) {
-            return weights[static_cast<std::size_t>(a)] > weights[static_cast<std::size_t>(b)];
-        });
+        std::stable_sort(best.begin(), best.end(),
+                         [&](int a, int b) { return weights[a] > weights[b]; });
         report.beyond_most = static_cast<std::int64_t>(places.size() - most);
         best.resize(most);
         std::sort(best.begin(), best.end());

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <vector>
 
+#include "core/math/quantile.h"
 #include "mesh/fuse/large_splats.h"
 #include "optim/loop/train.h"
 #include "render/backbone.h"
@@ -19,9 +21,18 @@ struct SurfaceMotion {
 
 /// Depths a before and b after: a pixel has moved by |a - b| f / a pixels. `before`, `after`:
 /// [views][H W], 0: no depth. `focal_px`: f of each view.
-SurfaceMotion surface_motion(const std::vector<std::vector<float>>& before,
-                             const std::vector<std::vector<float>>& after,
-                             const std::vector<float>& focal_px);
+inline SurfaceMotion surface_motion(const std::vector<std::vector<float>>& before,
+                                    const std::vector<std::vector<float>>& after,
+                                    const std::vector<float>& focal_px) {
+    std::vector<float> moved;
+    for (std::size_t v = 0; v < before.size(); ++v)
+        for (std::size_t i = 0; i < before[v].size(); ++i) {
+            const float a = before[v][i], b = after[v][i];
+            if (a > 0 && b > 0) moved.push_back(std::abs(a - b) * focal_px[v] / a);
+        }
+    const auto median = static_cast<double>(quantile(moved, 0.5));
+    return {median, static_cast<double>(quantile(moved, 0.9)), moved.size()};
+}
 
 /// Compares the depths of a few training views with those of kEvery iterations earlier. If splats
 /// have an uncertainty, only the supported ones count: splats that fill gaps never rest.

@@ -22,6 +22,52 @@ double diagonal(const std::vector<Vec3d>& points) {
     return norm(upper - lower);
 }
 
+/// `make` returns the prediction; its errors go into the scores.
+template <class Make>
+PointScores score(const Make& make, const Truth& truth, bool curve) {
+    PointScores scores;
+    scores.chamfer = scores.f1 = std::nan("");
+    MeasuredSurface prediction;
+    try {
+        prediction = make();
+    } catch (const Error& error) {
+        if (error.code() != ExitCode::input) throw;
+        scores.json.add("error", error.what());
+        return scores;
+    }
+    GeometryOptions options{truth.taus, truth.max_distance};
+    const double end =
+        truth.taus.empty() ? 0 : 2 * *std::max_element(truth.taus.begin(), truth.taus.end());
+    if (curve)
+        for (int i = 0; i <= kCurvePoints; ++i) options.taus.push_back(end * i / kCurvePoints);
+    const SamplePoints* const visible = truth.visible ? &*truth.visible : nullptr;
+    GeometryMetrics metrics = evaluate_geometry(prediction, truth.surface, visible, options);
+    std::vector<GeometryMetrics::Threshold> on_curve;
+    if (curve) {
+        const auto split =
+            metrics.thresholds.begin() + static_cast<std::ptrdiff_t>(truth.taus.size());
+        on_curve.assign(split, metrics.thresholds.end());
+        metrics.thresholds.erase(split, metrics.thresholds.end());
+    }
+    scores.chamfer = metrics.chamfer;
+    if (!metrics.thresholds.empty()) {
+        const auto& middle = metrics.thresholds[metrics.thresholds.size() / 2];
+        scores.f1 = middle.f1, scores.tau = middle.tau;
+    }
+    scores.json = geometry_json(metrics);
+    scores.json.add("points", counts_json(prediction, truth.surface, visible));
+    if (curve) {
+        std::vector<double> tau, precision, recall;
+        for (const auto& t : on_curve) {
+            tau.push_back(rounded(t.tau, 6));
+            precision.push_back(rounded(t.precision, 6)), recall.push_back(rounded(t.recall, 6));
+        }
+        scores.json.add(
+            "curve", JsonValue().add("tau", tau).add("precision", precision).add("recall", recall));
+    }
+    return scores;
+}
+
 }  // namespace
 
 EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double seconds)
@@ -83,56 +129,6 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
     return truth;
 }
 
-namespace {
-
-/// `make` returns the prediction; its errors go into the scores.
-template <class Make>
-PointScores score(const Make& make, const Truth& truth, bool curve) {
-    PointScores scores;
-    scores.chamfer = scores.f1 = std::nan("");
-    MeasuredSurface prediction;
-    try {
-        prediction = make();
-    } catch (const Error& error) {
-        if (error.code() != ExitCode::input) throw;
-        scores.json.add("error", error.what());
-        return scores;
-    }
-    GeometryOptions options{truth.taus, truth.max_distance};
-    const double end =
-        truth.taus.empty() ? 0 : 2 * *std::max_element(truth.taus.begin(), truth.taus.end());
-    if (curve)
-        for (int i = 0; i <= kCurvePoints; ++i) options.taus.push_back(end * i / kCurvePoints);
-    const SamplePoints* const visible = truth.visible ? &*truth.visible : nullptr;
-    GeometryMetrics metrics = evaluate_geometry(prediction, truth.surface, visible, options);
-    std::vector<GeometryMetrics::Threshold> on_curve;
-    if (curve) {
-        const auto split =
-            metrics.thresholds.begin() + static_cast<std::ptrdiff_t>(truth.taus.size());
-        on_curve.assign(split, metrics.thresholds.end());
-        metrics.thresholds.erase(split, metrics.thresholds.end());
-    }
-    scores.chamfer = metrics.chamfer;
-    if (!metrics.thresholds.empty()) {
-        const auto& middle = metrics.thresholds[metrics.thresholds.size() / 2];
-        scores.f1 = middle.f1, scores.tau = middle.tau;
-    }
-    scores.json = geometry_json(metrics);
-    scores.json.add("points", counts_json(prediction, truth.surface, visible));
-    if (curve) {
-        std::vector<double> tau, precision, recall;
-        for (const auto& t : on_curve) {
-            tau.push_back(rounded(t.tau, 6));
-            precision.push_back(rounded(t.precision, 6)), recall.push_back(rounded(t.recall, 6));
-        }
-        scores.json.add(
-            "curve", JsonValue().add("tau", tau).add("precision", precision).add("recall", recall));
-    }
-    return scores;
-}
-
-}  // namespace
-
 PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve) {
     return score([&] { return measured_points(points, truth.measure, truth.crop); }, truth, curve);
 }
@@ -140,8 +136,6 @@ PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, b
 PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve) {
     return score([&] { return measured_mesh(mesh, truth.measure, truth.crop); }, truth, curve);
 }
-
-namespace {
 
 void add_scores(JsonValue& line,
                 const char* what,
@@ -151,22 +145,6 @@ void add_scores(JsonValue& line,
     line.add(what, scores.json);
     spdlog::info("{}: Chamfer {:.4g}, F1 {:.3f} at {:g}", what, scores.chamfer, scores.f1,
                  scores.tau);
-}
-
-}  // namespace
-
-void add_centres(JsonValue& line,
-                 const std::vector<Vec3f>& centres,
-                 const Truth& truth,
-                 const std::string& run) {
-    add_scores(line, "centres", score_points(centres, truth, true), run);
-}
-
-void add_mesh(JsonValue& line,
-              const TriangleMesh& mesh,
-              const Truth& truth,
-              const std::string& run) {
-    add_scores(line, "mesh", score_mesh(mesh, truth, true), run);
 }
 
 }  // namespace tvsgs

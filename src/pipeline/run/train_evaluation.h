@@ -84,16 +84,12 @@ struct PointScores {
 PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
 PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve);
 
-/// Writes RUN/eval/centres.json, or RUN/eval/mesh.json, with the curve, and adds the scores to the
-/// last line of the log.
-void add_centres(JsonValue& line,
-                 const std::vector<Vec3f>& centres,
-                 const Truth& truth,
-                 const std::string& run);
-void add_mesh(JsonValue& line,
-              const TriangleMesh& mesh,
-              const Truth& truth,
-              const std::string& run);
+/// Writes the scores with their curve to RUN/eval/`what`.json, and adds them to the last line of
+/// the log. `what`: "centres" or "mesh".
+void add_scores(JsonValue& line,
+                const char* what,
+                const PointScores& scores,
+                const std::string& run);
 
 /// Inputs of a mesh evaluation besides the splats.
 struct MeshSource {

@@ -54,25 +54,24 @@ void read_exposures(PhotometricOptions& options, const std::vector<View>& train)
     if (run.empty()) return;
     const std::string file = file_of(run);
     if (!has_exposures(run))
-        throw Error(ExitCode::input, str(run,
-                                         ": no exposure.json; loss.photometric.exposure_from needs "
-                                         "a finished run with loss.photometric.exposure=true"));
+        throw input_error(run,
+                          ": no exposure.json; loss.photometric.exposure_from needs "
+                          "a finished run with loss.photometric.exposure=true");
     const JsonValue root = parse_json_value(read_bytes(file), file);
     if (root["version"].number_or(-1) != kVersion1)
-        throw Error(ExitCode::input, str(file, ": expected version 1 of exposures"));
+        throw input_error(file, ": expected version 1 of exposures");
     std::map<std::string_view, const JsonValue*> of_name;
     for (const auto& [name, value] : root["views"].members) of_name[name] = &value;
     HeldExposures held;
     for (const View& view : train) {
         const auto found = of_name.find(view.name);
         if (found == of_name.end())
-            throw Error(ExitCode::input,
-                        str(file, ": no exposure of ", view.name, ", one of ", train.size(),
-                            " training views; give a run with all of them "
-                            "(loss.photometric.exposure_from)"));
+            throw input_error(file, ": no exposure of ", view.name, ", one of ", train.size(),
+                              " training views; give a run with all of them "
+                              "(loss.photometric.exposure_from)");
         if (!read_values(*found->second, held.emplace_back()))
-            throw Error(ExitCode::input, str(file, ": ", view.name, ": expected ", kExposureValues,
-                                             " numbers between -10 and 10"));
+            throw input_error(file, ": ", view.name, ": expected ", kExposureValues,
+                              " numbers between -10 and 10");
     }
     options.held = std::make_shared<const HeldExposures>(std::move(held));
     spdlog::info("Uses the exposures that {1} fitted, for {0} photographs", train.size(), run);

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <optional>
 
-#include "core/device/parallel.h"
-#include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/point_tree.h"
 #include "eval/registration.h"
+#include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/scene_reader.h"
 #include "optim/growth/fixed_voters.h"
@@ -207,7 +206,7 @@ std::vector<Frame> candidate_frames(Vec3d origin) {
             std::string words;
             for (int r = 0; r < 3; ++r) {
                 const bool minus = (signs >> r & 1) != 0;
-                const auto axis = static_cast<std::size_t>(axes[static_cast<std::size_t>(r)]);
+                const auto axis = static_cast<std::size_t>(axes[r]);
                 A[r][static_cast<int>(axis)] = minus ? -1 : 1;
                 words += str(r > 0 ? ", " : "", minus ? "-" : "", "xyz"[axis]);
             }
@@ -289,22 +288,20 @@ void check_fixed_points(const FixedPointsAgreement& look,
             ": move it into the frame of the scene, with the same units and axes; "
             "tv.fixed_check=false skips this check");
     if (look.in_two_views < kSeen)
-        throw Error(ExitCode::input,
-                    str(path, ": ", percent(look.in_two_views), " % of its ", grouped(points),
-                        " points are visible in two training views; expected at least ",
-                        percent(kSeen), " %", what_to_do));
+        throw input_error(path, ": ", percent(look.in_two_views), " % of its ", grouped(points),
+                          " points are visible in two training views; expected at least ",
+                          percent(kSeen), " %", what_to_do);
     if (look.tolerance_px == 0)
-        throw Error(ExitCode::input, str(path, ": ", look.compared, " of its ", grouped(points),
-                                         " points could be compared with the start cloud; expected "
-                                         "at least 20, closer together than 1/40 of the depth",
-                                         what_to_do));
+        throw input_error(path, ": ", look.compared, " of its ", grouped(points),
+                          " points could be compared with the start cloud; expected "
+                          "at least 20, closer together than 1/40 of the depth",
+                          what_to_do);
     if (look.agreeing < kAgreeing || elsewhere)
-        throw Error(
-            ExitCode::input,
-            str(path, ": ", percent(look.agreeing), " % of ", grouped(look.compared),
-                " points agree with the start cloud within ",
-                std::round(10 * look.tolerance_px) / 10, " pixels; expected at least ",
-                percent(kAgreeing), " %, and no other frame that fits clearly better", what_to_do));
+        throw input_error(path, ": ", percent(look.agreeing), " % of ", grouped(look.compared),
+                          " points agree with the start cloud within ",
+                          std::round(10 * look.tolerance_px) / 10, " pixels; expected at least ",
+                          percent(kAgreeing), " %, and no other frame that fits clearly better",
+                          what_to_do);
 }
 
 std::size_t fill_with_fixed_points(Scene& scene) {

@@ -1,10 +1,14 @@
-// Checks masks, and removes points outside of them from stereo and initial clouds.
+// Checks photographs and masks, and removes points outside of masks from stereo and initial clouds.
 // [docs/method/masks.md]
 #pragma once
 
 #include "pipeline/run/run_options.h"
 
 namespace tvsgs {
+
+/// Throws Error(ExitCode::input) if the training photographs are a few pixels wide, if all are
+/// blank, or if all have the same pixels. Warns if some are blank, or repeat others.
+void check_photographs(const std::vector<View>& train);
 
 /// Throws Error(ExitCode::input) where masks are required and missing, or a mask has no pixel of
 /// the object. `asked`: the option that requires them; `without`: the alternative; both for the

@@ -3,11 +3,10 @@
 #include "core/grouped.h"
 #include "io/config/built_in_configs.h"
 #include "pipeline/priors/gap_points.h"
-#include "pipeline/priors/view_maps.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/scene/exposures.h"
 #include "pipeline/scene/initial_points.h"
-#include "pipeline/scene/photo_check.h"
+#include "pipeline/scene/mask_use.h"
 #include "pipeline/scene/sky.h"
 #include "plan/background.h"
 #include "plan/decide.h"
@@ -162,11 +161,10 @@ void Preparation::look() {
 void Preparation::require_start() const {
     const std::string fault = start_fault(options_, scene_);
     if (fault.empty() || (options_.train.init.force && !scene_.points.positions.empty())) return;
-    throw Error(ExitCode::input,
-                str("E_FEW_POINTS: ", options_.scene.path, ": ", fault,
-                    "\n  Photograph each part from three or more places, 10 to 30 degrees apart, "
-                    "sharp and well lit; surfaces need texture."
-                    "\n  Or give points with --init-ply; --force trains from the few."));
+    throw input_error("E_FEW_POINTS: ", options_.scene.path, ": ", fault,
+                      "\n  Photograph each part from three or more places, 10 to 30 degrees apart, "
+                      "sharp and well lit; surfaces need texture."
+                      "\n  Or give points with --init-ply; --force trains from the few.");
 }
 
 void Preparation::decide_cloud() {
@@ -302,10 +300,10 @@ void check_consistency(const TrainOptions& options, bool before_plan) {
     const bool needs_votes =
         options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
     if (needs_votes && !options.tv.enabled)
-        throw Error(ExitCode::usage,
-                    "configuration: tv.enabled is false but loss.tv_normal.weight or "
-                    "loss.tv_position.weight is above 0; "
-                    "set both weights to 0, or tv.enabled to true");
+        throw Error(
+            ExitCode::usage,
+            "configuration: tv.enabled is false but loss.tv_normal.weight or "
+            "loss.tv_position.weight is above 0; set both weights to 0, or tv.enabled to true");
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
     check_cameras(options, backbone->traits.has_camera_gradient);
     check_support(options, backbone->traits, before_plan);
@@ -316,8 +314,7 @@ void check_consistency(const TrainOptions& options, bool before_plan) {
             throw Error(ExitCode::usage,
                         str("loss.", term.key, ".weight is above 0, but the splats of backbone '",
                             options.backbone,
-                            "' are flat; set the weight to 0, or choose another "
-                            "backbone"));
+                            "' are flat; set the weight to 0, or choose another backbone"));
         if (!lacks.empty())
             throw Error(ExitCode::usage,
                         str("loss.", term.key, ".weight is above 0, but backbone '",
@@ -334,7 +331,7 @@ void provide_maps(const DeviceChoice& device,
     read_priors(options.priors, wanted, options.scene, scene);
     if (takes_stereo(options.priors))
         make_stereo_priors(device, stereo_options(options), wanted, std::move(stereo), scene.train);
-    complete_maps(options.train.loss, options.descriptors, scene.train);
+    complete_maps(options.train.loss, scene.train);
 }
 
 }  // namespace tvsgs

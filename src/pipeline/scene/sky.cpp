@@ -2,9 +2,8 @@
 
 #include <filesystem>
 
-#include "core/error.h"
-#include "core/grouped.h"
 #include "core/log.h"
+#include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "optim/growth/init_cloud.h"
 #include "plan/decide.h"
@@ -53,15 +52,14 @@ void read_sky(PhotometricOptions& options, const std::string& run) {
     if (!has_sky(options)) return;
     const std::string file = file_of(run);
     if (!has_sky_file(run))
-        throw Error(ExitCode::input,
-                    str(run,
-                        ": no sky.png, but the background is a sky (loss.photometric.background); "
-                        "give the complete folder of a run trained with a sky"));
+        throw input_error(
+            run,
+            ": no sky.png, but the background is a sky (loss.photometric.background); "
+            "give the complete folder of a run trained with a sky");
     ImageU8 sky = read_image(file, 3);
     if (sky.width != sky.height || sky.width < 2)
-        throw Error(ExitCode::input,
-                    str(file, ": ", sky.width, "x", sky.height,
-                        " pixels; expected the square map of directions that tvsgs-train writes"));
+        throw input_error(file, ": ", sky.width, "x", sky.height,
+                          " pixels; expected the square map of directions that tvsgs-train writes");
     options.sky = std::make_shared<const ImageU8>(std::move(sky));
 }
 

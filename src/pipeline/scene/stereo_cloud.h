@@ -2,13 +2,13 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 
 #include "core/device/device_choice.h"
-#include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/progress.h"
 #include "core/scene/scene.h"
+#include "io/files/read_file.h"
 #include "mvs/stereo/patch_match.h"
 #include "optim/growth/init_cloud.h"
 
@@ -43,12 +43,9 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
                                  const std::vector<Vec3f>& points,
                                  const StereoOptions& options,
                                  std::size_t max_points) {
-    const auto start = std::chrono::steady_clock::now();
-    const auto seconds = [&] {
-        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    };
+    const double start = steady_seconds();
     StereoResult result = run_stereo(device, views, points, options);
-    const double stereo_seconds = seconds();
+    const double stereo_seconds = steady_seconds() - start;
     const std::size_t found = result.cloud.positions.size();
     std::size_t pixels = 0;
     for (std::size_t v = 0; v < views.size(); ++v) {
@@ -65,11 +62,11 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
         "Stereo of {} views: {} points in {:.2f} s; {} after thinning and outlier removal, {:.2f} "
         "s",
         views.size(), grouped(found), stereo_seconds, grouped(result.cloud.positions.size()),
-        seconds() - stereo_seconds);
+        steady_seconds() - start - stereo_seconds);
     if (result.cloud.positions.empty())
-        throw Error(ExitCode::input, str("stereo found no surface in ", views.size(),
-                                         " views; they need overlap, texture, and depths within "
-                                         "stereo.depth_near and stereo.depth_far"));
+        throw input_error("stereo found no surface in ", views.size(),
+                          " views; they need overlap, texture, and depths within "
+                          "stereo.depth_near and stereo.depth_far");
     if (result.cloud.positions.size() < kFewStereoPoints && most >= kFewStereoPoints)
         spdlog::warn(
             "Stereo found only {} points: little overlap or texture, or a wrong range of depths "
