@@ -28,8 +28,7 @@ template <class Device>
 struct BackboneEntry {
     const char* name;
     std::unique_ptr<Backbone<Device>> (*make)(const BackboneOptions&);
-    bool has_planes =
-        false;  // depth of blended planes on any rays; else mean or median, exact rays
+    bool has_planes = false;  // depth is that of blended planes; else mean or median, exact rays
 };
 
 template <template <class> class Made, class Device>

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "core/parse_numbers.h"
@@ -11,7 +10,7 @@
 #include "core/scene/scene.h"
 #include "eval/image_metrics.h"
 #include "optim/loop/train.h"
-#include "pipeline/scene/render_background.h"
+#include "pipeline/run/view_evaluation.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
