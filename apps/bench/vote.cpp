@@ -96,11 +96,6 @@ Measured measure(const Gaussians<Cpu>& cloud,
         out.timings.add("rebuild, sum of stages", rebuild);
         out.timings.add("event, sum of stages", round);
     }
-    out.counters.add("candidates", profile.candidates)
-        .add("leaves", profile.leaves)
-        .add("silent_voters", profile.silent_voters)
-        .add("votes", profile.votes)
-        .add("culled_votes", profile.culled_votes);
     out.memory.add("voter_bytes", profile.bytes);
     add_in_degrees(voter.details().begin, out.counters);
     out.memory.add("voter_and_field_bytes", after - before)

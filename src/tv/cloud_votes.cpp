@@ -46,18 +46,15 @@ private:
 
 double cloud_vote_steps(const CloudVoteOptions& options, std::size_t points) {
     const int rounds = std::max(options.refine, detail::kNormalRounds);
-    // Scales, two passes per round, and three for the normals. Outliers: scales, balls, and twice
-    // sticks and their support.
+    // Scales, two passes per round, three for the normals. Outliers: scales, balls, twice support.
     const int outliers = 2 + 2 * (2 + detail::kOutlierHops);
     return static_cast<double>(points) * (4 + 2 * rounds + (options.reject ? outliers : 0));
 }
 
-CloudVotes vote_in_cloud(Cpu,
-                         const PointCloud& cloud,
-                         const CloudVoteOptions& options,
-                         const CloudProgress& progress) {
-    return detail::vote_in_cloud<Cpu>(cloud, options, progress);
-}
+template CloudVotes vote_in_cloud(Cpu,
+                                  const PointCloud&,
+                                  const CloudVoteOptions&,
+                                  const CloudProgress&);
 
 void orient_to_viewpoint(CloudVotes& votes, Vec3f viewpoint) {
     for (std::size_t i = 0; i < votes.normals.size(); ++i)

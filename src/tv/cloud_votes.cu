@@ -4,11 +4,9 @@
 
 namespace tvsgs {
 
-CloudVotes vote_in_cloud(Cuda,
-                         const PointCloud& cloud,
-                         const CloudVoteOptions& options,
-                         const CloudProgress& progress) {
-    return detail::vote_in_cloud<Cuda>(cloud, options, progress);
-}
+template CloudVotes vote_in_cloud(Cuda,
+                                  const PointCloud&,
+                                  const CloudVoteOptions&,
+                                  const CloudProgress&);
 
 }  // namespace tvsgs

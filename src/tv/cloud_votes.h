@@ -16,8 +16,7 @@ struct CloudVoteOptions {
     float radius = 0;     // world units; points farther away do not vote; 0: no limit
     int refine = 0;       // rounds in which points move to their voted places
     bool reject = false;  // drop outliers before all other work
-    /// The neighbours of all points stay in memory up to this size; beyond it each pass searches
-    /// them again, block by block. The results have the same bits.
+    /// The neighbours of all points stay in memory up to this size; else each pass searches again.
     std::size_t list_bytes = std::size_t{2} << 30;
     int block = 1 << 18;  // points of one block, which follow each other in Morton order
 };
@@ -50,11 +49,8 @@ double cloud_vote_steps(const CloudVoteOptions& options, std::size_t points);
 /// as sticks; a confidence in [0, 1] is the strength of a point's votes. A normal keeps the side of
 /// the normal in the input. Positions must be finite. With fewer than two points nothing gets a
 /// normal. [docs/guide/vote.md#formulas]
-CloudVotes vote_in_cloud(Cpu,
-                         const PointCloud& cloud,
-                         const CloudVoteOptions& options,
-                         const CloudProgress& progress = {});
-CloudVotes vote_in_cloud(Cuda,
+template <class Device>
+CloudVotes vote_in_cloud(Device,
                          const PointCloud& cloud,
                          const CloudVoteOptions& options,
                          const CloudProgress& progress = {});
@@ -62,8 +58,8 @@ CloudVotes vote_in_cloud(Cuda,
 /// Turns the normals to the viewpoint.
 void orient_to_viewpoint(CloudVotes& votes, Vec3f viewpoint);
 
-/// Turns neighbouring normals to the same side, the most parallel pairs first. In each connected
-/// part the point farthest from the part's centre has its normal outwards.
+/// Turns neighbouring normals to the same side, the most parallel pairs first, and the normal of
+/// the point farthest from the centre of its part outwards.
 void orient_along_graph(CloudVotes& votes);
 
 }  // namespace tvsgs

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "core/math/eigen.h"
 #include "core/math/fast_math.h"
 #include "core/math/vec.h"
 
@@ -13,10 +14,9 @@ inline constexpr double kPi = 3.141592653589793;
 inline constexpr double kWhitenNoise = 1e-4;  // of the (mean) trace: "0.01% of their average trace"
 inline constexpr double kCoincident =
     1e-12;  // square of 1e-6: no direction is defined below this distance
-// A vote is at most exp(-chord^2 / tau^2 - curvature term), because the arc is at least as long as
-// the chord. Beyond this exponent the vote is defined as zero; float still has normal numbers
-// there. The limit is this large because a covariant vote grows with the voter's variance: the vote
-// of a giant splat counts even at a tiny decay.
+// A vote is at most exp(-chord^2 / tau^2 - curvature term); beyond this exponent it is defined as
+// zero. The limit is this large because the covariant vote of a giant splat counts even at a tiny
+// decay; float still has normal numbers there.
 inline constexpr double kMaxExponent = 80;
 inline constexpr double kMinEigenvalue = 1e-30;  // smaller tensors carry no information in float
 inline constexpr double kMinNormalGap =
@@ -73,8 +73,7 @@ TVSGS_HD Whitening<Real> whitening(Quat<Real> quat,
              std::sqrt(variances.z + noise)}};
 }
 
-/// S'^-1 R^T: equals the symmetric M of the page up to a rotation, so lengths and angles agree.
-/// [docs/method/voting.md#one-vote]
+/// S'^-1 R^T: M up to a rotation, so lengths and angles agree. [docs/method/voting.md#one-vote]
 template <class Real>
 TVSGS_HD Mat3<Real> whitened_from_world(const Whitening<Real>& w) {
     Mat3<Real> W;
@@ -92,17 +91,15 @@ TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
 }
 
 /// The factor c kappa^2 / tau^2 of (sin theta / L)^2 in a vote's exponent; L is the whitened
-/// distance. Scale-free: a vote at 45 degrees has a tenth of the strength of a straight vote at the
-/// median distance tau / tau_per_median. The paper's constant has this property only for a median
-/// distance of 2.
+/// distance. A vote at 45 degrees has a tenth of the strength of a straight vote at the median
+/// distance: scale-free tau / tau_per_median, else 2, as in the paper.
 template <class Real>
 TVSGS_HD Real curvature_factor(bool scale_free, Real tau, Real tau_per_median) {
     const Real median = scale_free ? tau / tau_per_median : Real(2);
     return Real(16 * kLn10 / (kPi * kPi)) * median * median;
 }
 
-/// Everything that the votes of one splat depend on. inverse_tau2 = 0: the voter is silent.
-/// normal_world = 0: it votes as a ball.
+/// A voter. inverse_tau2 = 0: it is silent. normal_world = 0: it votes as a ball.
 template <class Real>
 struct alignas(16) VoterRecord {
     Vec3<Real> mean;
@@ -124,8 +121,7 @@ TVSGS_HD Real inverse_square_or_zero(Real tau) {
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
 }
 
-/// Returns the record, or zeros if any number is not finite: such a number would make the sums of
-/// the receivers NaN, even multiplied by a decay of zero.
+/// Returns the record, or zeros if any number is not finite: sums would be NaN even at decay 0.
 template <class Real>
 TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) {
     const Vec3<Real> m = voter.mean, n = voter.normal_world;
@@ -136,10 +132,9 @@ TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) 
     return zero == 0 ? voter : VoterRecord<Real>{};
 }
 
-/// Record of a voter. `normal`: unit, world; zero for a ball. The whitened axes are S'^-1 R^T up to
-/// a rotation, which changes no length and no angle. A plate uses the rotation that makes its
-/// normal the third axis. This axis in the world is normal / |S' R^T normal|, so its direction has
-/// no rounding from R and S'. A record that is not finite becomes silent.
+/// Record of a voter; silent if it is not finite. `normal`: unit, world; zero for a ball. The
+/// whitened axes are S'^-1 R^T up to a rotation: a plate's makes its normal the third axis, which
+/// in the world is normal / |S' R^T normal|, without rounding from R and S'.
 template <class Real>
 TVSGS_HD VoterRecord<Real> voter_record(Vec3<Real> mean,
                                         const Whitening<Real>& w,
@@ -180,9 +175,8 @@ struct Vote {
     Real inverse_length2{1};  // 1 / |v|^2 for unit votes, else 1
 };
 
-/// Square of arc / chord of a vote with this sine and cosine of its angle to the voter's plane.
-/// arccos(c)^2 / (1 - c^2) is smooth on [0, 1]: least-squares polynomial at Chebyshev points,
-/// relative error 2e-7 including rounding.
+/// Square of arc / chord of a vote with this sine and cosine of its angle to the voter's plane:
+/// arccos(c)^2 / (1 - c^2), by a polynomial with a relative error of 2e-7 including rounding.
 template <class Real>
 TVSGS_HD Real arc_factor2(Real sine, Real cosine) {
     if constexpr (kIsDouble<Real>) {
@@ -276,6 +270,20 @@ TVSGS_HD void add_vote(VoteSums<Real>& sums, Real strength, const Vote<Real>& vo
     const auto heard = strength > Real(0);
     sums.votes += select(both(vote.cast, heard), Real(1), Real(0));
     sums.strong += select(both(vote.decay > Real(kStrongVote), heard), Real(1), Real(0));
+}
+
+/// Eigenvalues and normal of a sum of votes. Computed in double on both devices, because a flat
+/// voter magnifies the error of its normal a hundredfold in the next round.
+struct VotedTensor {
+    bool valid = false, has_normal = false;  // finite and not 0; the normal is not ambiguous
+    Vec3f values{}, normal{};                // descending; unit, of the smallest eigenvalue
+};
+TVSGS_HD inline VotedTensor voted_tensor(const Sym3f& T) {
+    const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
+    const double finite = (e.values.x + e.values.y + e.values.z) * 0;
+    if (finite != 0 || !(e.values.x >= kMinEigenvalue)) return {};
+    return {true, (e.values.y - e.values.z) / e.values.x >= kMinNormalGap,
+            vec_cast<float>(e.values), vec_cast<float>(column(e.vectors, 2))};
 }
 
 }  // namespace tvsgs

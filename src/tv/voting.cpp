@@ -1,7 +1,6 @@
 #include "tv/voting.h"
 
 #include "core/log.h"
-#include "tv/internal/voting_details.h"
 #include "tv/internal/voting_impl.h"
 
 namespace tvsgs {
@@ -20,8 +19,26 @@ void warn_noise(double share) {
         100 * share);
 }
 
+HostLists unpacked(const CompactLists& lists, int voters, int k, int usable) {
+    HostLists out;
+    out.receivers.resize(std::size_t(voters) * k);
+    for (int voter = 0; voter < voters; ++voter)
+        lists.receivers_of(SerialWarp{}, voter, out.receivers.data() + std::size_t(voter) * k);
+    out.begin.push_back(0);
+    for (int rank = 0; rank < usable; ++rank) {
+        lists.for_each_voter<1>(SerialWarp{}, rank,
+                                [&](std::uint32_t voter) { out.voters.push_back(voter); });
+        out.begin.push_back(static_cast<std::int64_t>(out.voters.size()));
+    }
+    return out;
+}
+
 }  // namespace detail
 
+template void find_neighbours(const NeighbourQuery&,
+                              NeighbourScratch<Cpu>&,
+                              Neighbours<Cpu>&,
+                              const StageDone&);
 template class TensorVoter<Cpu>;
 
 }  // namespace tvsgs

@@ -22,29 +22,19 @@ enum class VotePrecision { single_precision, double_precision };
 
 /// Options of tensor voting; fields() has their meaning.
 struct TvOptions {
-    bool enabled = true;
-    int k = 100;
-    int start = 1;
-    int vote_every = 10;
-    int refresh_every = 100;
-    bool whiten = true;
+    bool enabled = true, whiten = true, fixed_check = true;
+    int k = 100, start = 1, vote_every = 10, refresh_every = 100, min_votes = 3;
+    float flatness_limit = 0, flatness_limit_position = 0, virtual_range = 1, target_margin = 0,
+          max_vote_angle_deg = 90, fixed_weight = 10;
     NoiseMode whiten_noise_mode = NoiseMode::global;
     ScaleRule scale_rule = ScaleRule::ten_percent_at_median;
     Curvature curvature = Curvature::literal;
     VoteMap vote_map = VoteMap::covariant;
-    float flatness_limit = 0;
-    float flatness_limit_position = 0;
     VoteStrength strength = VoteStrength::relative;
     Targets targets = Targets::votes;
-    float virtual_range = 1;
-    float target_margin = 0;
-    float max_vote_angle_deg = 90;
-    int min_votes = 3;
     VotePrecision precision = VotePrecision::single_precision;
     ListStorage lists = ListStorage::full;
     std::string fixed_voters;
-    float fixed_weight = 10;
-    bool fixed_check = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -57,8 +47,7 @@ struct TvOptions {
         field("whiten", whiten,
               "vote in the space where the covariance of the voter is the unit sphere");
         field.choice("whiten_noise_mode", whiten_noise_mode, {"global", "per_splat"},
-                     "scale of the whitening's regulariser; global: mean of all splats, per_splat: "
-                     "each splat");
+                     "scale of the whitening's regulariser: mean of all splats, or each splat's");
         field.choice("scale_rule", scale_rule, {"ten_percent_at_median", "median"},
                      "scale of voting, from the median neighbour distance; ten_percent_at_median: "
                      "a vote there has 10 %; median: the distance itself");
@@ -74,29 +63,24 @@ struct TvOptions {
         field.choice("strength", strength, {"relative", "literal"},
                      "strength of a vote; relative: saliency / lambda_1; literal: as in the paper");
         field.choice("targets", targets, {"votes", "anchor"},
-                     "targets of the position loss; votes: voted positions; anchor: own centre of "
-                     "each splat, for comparison");
+                     "targets of the position loss; votes: voted positions; anchor: own centres");
         field("virtual_range", virtual_range, {0.05, 20},
               "distance of the virtual receivers, in largest scales");
         field("target_margin", target_margin, {0, 10},
-              "smallest gain of saliency of a virtual receiver over the centre, as a share of "
-              "lambda_1");
+              "least gain of saliency of a virtual receiver over the centre, in lambda_1");
         field("max_vote_angle_deg", max_vote_angle_deg, {1, 90},
               "largest angle of a vote to the tangent plane, degrees");
         field("min_votes", min_votes, {0, 1000},
               "received votes above 1e-3 that a splat needs for the position loss; 0: any");
-        field.choice(
-            "precision", precision, {"single", "double"},
-            "precision of votes and sums; results are stored in single; double is for validation");
-        field.choice(
-            "lists", lists, {"full", "compact"},
-            "storage of neighbours; compact: one byte per vote instead of eight, same results");
+        field.choice("precision", precision, {"single", "double"},
+                     "precision of votes and sums; double is for validation");
+        field.choice("lists", lists, {"full", "compact"},
+                     "storage of neighbours; compact: one byte a vote instead of eight, same bits");
         field("fixed_voters", fixed_voters,
               "measured points that vote and never move (PLY, OBJ or GLB; optional normals and "
               "property 'weight'); empty: none");
-        field(
-            "fixed_weight", fixed_weight, {0, 1e6},
-            "strength of votes of measured points, times their own weights; a splat has at most 1");
+        field("fixed_weight", fixed_weight, {0, 1e6},
+              "strength of votes of measured points, times their weights; a splat's is at most 1");
         field("fixed_check", fixed_check,
               "stop with an error if measured points do not lie on the start cloud");
     }
@@ -109,8 +93,7 @@ enum TensorFlag : std::uint8_t {
     kPositionValid = 4,  // takes part in the position loss
 };
 
-/// Results of the last voting event, one entry per splat. The losses use them as constants until
-/// the next event.
+/// Results of the last voting event, constants of the losses until the next one.
 template <class Device>
 struct TensorField {
     Buffer<Sym3f, Device> tensors;      // [N] accumulated votes, world frame
@@ -149,14 +132,11 @@ struct VotingStage {
     double ms;
 };
 
-/// Work and time of the last event. Filled only while profiling is on.
+/// Time of the stages of the last event, while profiling is on: "keys", "tree", "search", "reverse"
+/// if lists were rebuilt; "records", "centres", "eigen", "masks", "virtual".
 struct VotingProfile {
-    std::vector<VotingStage> stages;  // "keys", "tree", "search", "reverse" if lists were rebuilt;
-                                      // "records", "centres", "eigen", "masks", "virtual"
-    std::size_t bytes = 0;            // of lists and scratch memory, on the device
-    std::int64_t candidates = 0, leaves = 0;  // of the last search
-    std::int64_t silent_voters = 0;
-    std::int64_t votes = 0, culled_votes = 0;  // of plates at the centres; culled: with decay 0
+    std::vector<VotingStage> stages;
+    std::size_t bytes = 0;  // of lists and scratch memory, on the device
 };
 
 struct SplatSpans;
@@ -172,14 +152,13 @@ public:
     explicit TensorVoter(const TvOptions& options);
     ~TensorVoter();
 
-    /// True at the iterations that vote: `start`, every `vote_every` after it, and the first one
-    /// after structure_changed().
+    /// True at `start`, every `vote_every` iterations after it, and first after
+    /// structure_changed().
     bool due(int step) const;
 
-    /// Runs one voting event on the current splats; searches neighbours if a refresh is due. With
-    /// fewer than two splats it clears the field: nothing is valid. Without `targets` it skips the
-    /// virtual receivers, and the targets are the centres.
-    /// [docs/method/voting.md#one-event]
+    /// Runs one voting event; searches neighbours if a refresh is due. With fewer than two splats
+    /// it clears the field: nothing is valid. Without `targets` it skips the virtual receivers, and
+    /// the targets are the centres. [docs/method/voting.md#one-event]
     void vote(int step,
               const Gaussians<Device>& gaussians,
               TensorField<Device>& field,

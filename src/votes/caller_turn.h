@@ -28,8 +28,7 @@ private:
     int gpu_ = -1;
 };
 
-/// While it lives, the library works on its GPU: after earlier work of the caller's stream, and
-/// before later work of it.
+/// While it lives, the library works on its GPU, between earlier and later work of the stream.
 template <class Device>
 class CallerTurn;
 

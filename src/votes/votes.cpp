@@ -159,22 +159,9 @@ int guarded(std::string& error, const Action& action) noexcept {
     }
 }
 
-}  // namespace
-}  // namespace tvsgs
-
-struct tvsgs_votes {
-    std::mutex mutex;
-    std::string error;
-    int gpu = -1;
-    std::unique_ptr<tvsgs::SplatVotes> votes;
-};
-
-namespace tvsgs {
-namespace {
-
 /// Runs action(votes, *argument) on a handle.
-template <class Argument, class Action>
-int on_handle(tvsgs_votes* handle, const Argument* argument, const Action& action) noexcept {
+template <class Handle, class Argument, class Action>
+int on_handle(Handle* handle, const Argument* argument, const Action& action) noexcept {
     if (handle == nullptr)
         return guarded(error_without_handle,
                        [] { throw wrong_use("the handle of the votes is NULL"); });
@@ -187,6 +174,13 @@ int on_handle(tvsgs_votes* handle, const Argument* argument, const Action& actio
 
 }  // namespace
 }  // namespace tvsgs
+
+struct tvsgs_votes {
+    std::mutex mutex;
+    std::string error;
+    int gpu = -1;
+    std::unique_ptr<tvsgs::SplatVotes> votes;
+};
 
 int tvsgs_votes_interface(void) {
     return TVSGS_VOTES_INTERFACE;

@@ -1,7 +1,7 @@
 // Tests exact neighbours against brute force, for each device.
 #include "core/error.h"
 #include "tv/internal/neighbours.h"
-#include "tv/internal/voting_details.h"
+#include "tv/internal/voting_impl.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {

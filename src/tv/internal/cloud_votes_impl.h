@@ -14,7 +14,8 @@
 #include "tv/internal/warp.h"
 #include "tv/vote_math.h"
 
-namespace tvsgs::detail {
+namespace tvsgs {
+namespace detail {
 
 inline constexpr int kNormalRounds = 2;      // moves before the votes that give normals
 inline constexpr int kPlaces = 5;            // tried places on each side of a point
@@ -67,7 +68,7 @@ struct CloudLists {
 };
 
 /// Distances to the median neighbour (scale of voting) and to the median of the nearest six (the
-/// spacing). Zero, hence silent, without neighbours.
+/// spacing); 0 without neighbours.
 struct CloudScaleBody {
     CloudLists lists;
     Span<const Vec3f> places;
@@ -117,8 +118,7 @@ struct CloudVoters {
     }
 };
 
-/// Sets the tensors of a block from the votes at the points' places: of balls, or of balls and
-/// sticks.
+/// Tensors of a block from the votes at the points' places: of balls, or of balls and sticks.
 template <bool kSticks>
 struct CloudTensorBody {
     CloudVoters voters;
@@ -135,14 +135,8 @@ struct CloudTensorBody {
         Sym3f T;
         voters.add_votes<true>(i, voters.places[i], T);
         if (kSticks) voters.add_votes<false>(i, voters.places[i], T);
-        const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
-        const double finite = (e.values.x + e.values.y + e.values.z) * 0;
-        Vec3f values, normal;
-        if (finite == 0 && e.values.x >= kMinEigenvalue) {
-            values = vec_cast<float>(e.values);
-            if ((e.values.y - e.values.z) / e.values.x >= kMinNormalGap)
-                normal = vec_cast<float>(column(e.vectors, 2));
-        }
+        const VotedTensor voted = voted_tensor(T);
+        const Vec3f values = voted.values, normal = voted.has_normal ? voted.normal : Vec3f{};
         eigenvalues[i] = {values.x, values.y, values.z > 0 ? values.z : 0};
         normals[i] = dot(normal, input) < 0 ? -normal : normal;
     }
@@ -201,8 +195,7 @@ struct CloudPlaceBody {
     }
 };
 
-/// Surface saliency per area of the salient points around each point. Far outliers support each
-/// other as well as a surface does, but on a larger area.
+/// Surface saliency around each point, per area: far outliers support each other on a larger area.
 struct CloudReferenceBody {
     CloudLists lists;
     Span<const float> scales;
@@ -286,10 +279,9 @@ public:
         sticks_.resize(count_), support_.resize(count_);
         eigenvalues_.fill_zero(), normals_.fill_zero();
         set_strengths(false);
-        blocks([&](const CloudLists& lists, int size) {
-            parallel_for(Device{}, size,
-                         CloudScaleBody{lists, places_.span(), scales_.span(), spacings_.span(),
-                                        nearest_.span()});
+        blocks([&](const CloudLists& lists) {
+            return CloudScaleBody{lists, places_.span(), scales_.span(), spacings_.span(),
+                                  nearest_.span()};
         });
     }
 
@@ -343,9 +335,9 @@ private:
             parallel_for(Device{}, tree_.level_size[level], TreeNodeBody{tree_, level});
     }
 
-    /// Calls action(lists, size) for each block of points.
-    template <class Action>
-    void blocks(const Action& action) {
+    /// Runs body_of(lists) on the points of each block.
+    template <class BodyOf>
+    void blocks(const BodyOf& body_of) {
         const bool keep =
             std::size_t(count_) * std::size_t(k_) * sizeof(std::uint32_t) <= options_.list_bytes;
         if (keep) rows_.resize(std::size_t(count_) * k_);
@@ -356,7 +348,7 @@ private:
                 keep ? rows_.span().sub(std::size_t(first) * k_, std::size_t(size) * k_)
                      : rows_.span();
             if (!keep || !listed_) search(first, size, rows);
-            action(CloudLists{k_, first, rows}, size);
+            parallel_for(Device{}, size, body_of(CloudLists{k_, first, rows}));
             if (progress_) synchronize(Device{}), progress_(size);
         }
         listed_ = true;
@@ -383,43 +375,38 @@ private:
     }
     /// Sets the strengths of the sticks from votes of balls.
     void vote_as_balls() {
-        blocks([&](const CloudLists& lists, int size) {
-            parallel_for(Device{}, size,
-                         CloudTensorBody<false>{voters(lists), given_.span(), eigenvalues_.span(),
-                                                normals_.span()});
+        blocks([&](const CloudLists& lists) {
+            return CloudTensorBody<false>{voters(lists), given_.span(), eigenvalues_.span(),
+                                          normals_.span()};
         });
         set_strengths(false);
     }
     void vote_as_sticks() {
         new_vectors_.resize(count_);
-        blocks([&](const CloudLists& lists, int size) {
-            parallel_for(Device{}, size,
-                         CloudTensorBody<true>{voters(lists), given_.span(), eigenvalues_.span(),
-                                               new_vectors_.span()});
+        blocks([&](const CloudLists& lists) {
+            return CloudTensorBody<true>{voters(lists), given_.span(), eigenvalues_.span(),
+                                         new_vectors_.span()};
         });
         normals_.swap(new_vectors_);
     }
     void move() {
         new_vectors_.resize(count_);
-        blocks([&](const CloudLists& lists, int size) {
-            parallel_for(Device{}, size,
-                         CloudPlaceBody{voters(lists), spacings_.span(), new_vectors_.span()});
+        blocks([&](const CloudLists& lists) {
+            return CloudPlaceBody{voters(lists), spacings_.span(), new_vectors_.span()};
         });
         places_.swap(new_vectors_);
     }
     /// Compares with salient points up to `hops` + 1 neighbourhoods away.
     void find_support(int hops) {
         references_.resize(count_);
-        blocks([&](const CloudLists& lists, int size) {
-            parallel_for(
-                Device{}, size,
-                CloudReferenceBody{lists, scales_.span(), eigenvalues_.span(), references_.span()});
+        blocks([&](const CloudLists& lists) {
+            return CloudReferenceBody{lists, scales_.span(), eigenvalues_.span(),
+                                      references_.span()};
         });
         for (int hop = 0; hop < hops; ++hop) {
             spread_.resize(count_);
-            blocks([&](const CloudLists& lists, int size) {
-                parallel_for(Device{}, size,
-                             CloudSpreadBody{lists, references_.span(), spread_.span()});
+            blocks([&](const CloudLists& lists) {
+                return CloudSpreadBody{lists, references_.span(), spread_.span()};
             });
             references_.swap(spread_);
         }
@@ -468,14 +455,17 @@ private:
         support_;
 };
 
+}  // namespace detail
+
 template <class Device>
-CloudVotes vote_in_cloud(const PointCloud& cloud,
+CloudVotes vote_in_cloud(Device,
+                         const PointCloud& cloud,
                          const CloudVoteOptions& options,
                          const CloudProgress& progress) {
     if (cloud.positions.empty()) return {};
-    if (!options.reject) return CloudVoting<Device>(cloud, options, progress).run();
+    if (!options.reject) return detail::CloudVoting<Device>(cloud, options, progress).run();
     const std::vector<std::size_t> kept =
-        CloudVoting<Device>(cloud, options, progress).surface_points();
+        detail::CloudVoting<Device>(cloud, options, progress).surface_points();
     PointCloud rest;
     const auto keep = [&](const auto& from, auto& to) {
         if (!from.empty())
@@ -485,9 +475,9 @@ CloudVotes vote_in_cloud(const PointCloud& cloud,
     keep(cloud.normals, rest.normals);
     keep(cloud.confidences, rest.confidences);
     if (kept.empty()) return {};
-    CloudVotes votes = CloudVoting<Device>(rest, options, progress).run();
+    CloudVotes votes = detail::CloudVoting<Device>(rest, options, progress).run();
     votes.kept = kept;
     return votes;
 }
 
-}  // namespace tvsgs::detail
+}  // namespace tvsgs

@@ -106,11 +106,6 @@ inline int search_capacity(int wanted) {
     return (2 * wanted + 64 + 31) / 32 * 32;
 }
 
-/// Numbers of points and leaves that a query visited.
-struct SearchCounts {
-    int candidates = 0, leaves = 0;
-};
-
 /// One query, run by one warp.
 template <class Warp>
 class NearestSearch {
@@ -120,9 +115,9 @@ public:
         const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
         : warp_(warp), tree_(tree), keys_(keys), capacity_(capacity), wanted_(wanted) {}
 
-    /// Finds the `wanted` points nearest to `position`, ties by rank. `self`: rank to exclude, or
-    /// -1. `near`: rank at which the search begins. Writes the keys to the front of the buffer in
-    /// no defined order and returns their number, which is smaller if the tree has fewer points.
+    /// Writes the keys of the `wanted` points nearest to `position`, ties by rank, to the front of
+    /// the buffer in no defined order; returns their number. `self`: rank to exclude, or -1.
+    /// `near`: rank at which the search begins.
     TVSGS_HD int run(Vec3f position, int self, int near) {
         position_ = position;
         self_ = self;
@@ -138,7 +133,6 @@ public:
         shrink();
         return count_;
     }
-    TVSGS_HD const SearchCounts& counts() const { return counts_; }
     /// Side of the first leaves searched: -1 below, 0 inside, 1 above.
     TVSGS_HD int side_of_window(std::uint32_t rank) const {
         const int leaf = static_cast<int>(rank) / kTreeFanout;
@@ -162,16 +156,13 @@ private:
                 return distance_key(dot(d, d), static_cast<std::uint32_t>(rank));
             },
             [bound](std::uint64_t key) { return key < bound; });
-        counts_.leaves += 1;
     }
 
     /// Keeps the `wanted` smallest keys. From now on only keys below the largest of them enter.
     TVSGS_HD void shrink() {
         if (count_ < wanted_ || count_ == 0) return;
-        counts_.candidates += count_;
         bound_ = warp_.smallest_first(keys_, count_, wanted_);
         count_ = wanted_;
-        counts_.candidates -= count_;
     }
 
     TVSGS_HD std::uint32_t children_in_reach(int level, int first) const {
@@ -214,7 +205,6 @@ private:
     int self_ = -1;
     int count_ = 0, window_begin_ = 0, window_end_ = 0;
     std::uint64_t bound_ = ~0ull;
-    SearchCounts counts_;
 };
 
 }  // namespace tvsgs

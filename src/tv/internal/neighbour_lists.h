@@ -37,16 +37,15 @@ struct FullLists {
     }
 };
 
-/// Votes of 32 voters for 8 receivers, one bit each. Ranks follow the Morton order, so voters and
-/// receivers are near in space and few tiles hold all edges: on surfaces about 75 tiles for 32
-/// voters with 100 votes each. One sector of memory.  [docs/method/voting.md#lists-of-voters]
+/// Votes of 32 voters for 8 receivers, one bit each: one sector of memory. Ranks follow the Morton
+/// order, so few tiles hold all edges: about 75 for 32 voters with 100 votes each on a surface.
+/// [docs/method/voting.md#lists-of-voters]
 struct alignas(32) EdgeTile {
     static constexpr int kVoters = 32, kReceivers = 8;
     std::uint32_t voters[kReceivers];  // bit v of word r: voter v votes for receiver r
 };
 
-/// Writes first + i to `out` for each bit i of the mask, after the numbers of the lower lanes.
-/// Returns the total number over all lanes.
+/// Writes first + i to `out` for each bit i of the masks, lane by lane; returns their number.
 template <class Warp>
 TVSGS_HD int write_members(const Warp& warp,
                            std::uint32_t mask,
@@ -114,9 +113,8 @@ struct CompactLists {
                 for (std::uint32_t mask = voters_in(first, rank); mask != 0; mask &= mask - 1)
                     action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
         } else {
-            // Each lane reads one tile; the voters in these 32 tiles are then numbered, and lane e
-            // % 32 gets voter e. If fewer than 32 remain, they stay in their lanes until the next
-            // 32 tiles.
+            // Each lane reads one tile; lane e % 32 gets voter e of these 32 tiles. If fewer than
+            // 32 remain, they stay in their lanes until the next tiles.
             std::uint32_t mine = 0;
             int found = 0;
             for (bool last = false; !last;) {

@@ -1,6 +1,5 @@
-// Construction of the neighbour lists. First it builds tiles from the voters' ascending lists; for
-// full lists it then builds the receivers' lists from the tiles. The cost is linear in the number
-// of edges, even if one receiver has very many voters. All lists are ascending without a sort.
+// Builds tiles from the voters' ascending lists, and for full lists then the receivers' lists from
+// the tiles: linear in the number of edges, and ascending without a sort.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +9,8 @@
 
 namespace tvsgs::detail {
 
-/// Merges the ascending lists of 32 voters into tiles. Counts the tiles if `counts` is given,
-/// otherwise writes them.
+/// Merges the ascending lists of 32 voters into tiles: counts them if `counts` is given, else
+/// writes.
 struct TileBody {
     static constexpr std::uint32_t kNone = ~0u;  // larger than any rank
     static constexpr std::size_t kScratch = 3 * EdgeTile::kVoters * sizeof(std::uint32_t);
@@ -209,8 +208,7 @@ void begin_tiles(EdgeTiles<Device>& tiles, int voters) {
     tiles.voter_begin.fill_zero();
 }
 
-/// Appends the tiles of the voters from `first` (a multiple of 32) on. Waits for the device,
-/// because the required memory depends on the lists.
+/// Appends the tiles of the voters from `first` (a multiple of 32) on. Waits for the device.
 template <class Device>
 void add_tiles(NeighbourScratch<Device>& s,
                const Buffer<std::uint32_t, Device>& receivers,
@@ -278,8 +276,8 @@ void write_full_lists(NeighbourScratch<Device>& s, Neighbours<Device>& out) {
                   WriteVotersBody{lists, out.begin.span(), out.voters.span()});
 }
 
-/// Calls search(first, count, rows) for consecutive chunks of voters; it must write their ascending
-/// lists to `rows`. Stores the lists in the form out.storage.
+/// Stores the lists in the form out.storage. search(first, count, rows) writes the ascending lists
+/// of a chunk of voters.
 template <class Device, class Search>
 void store_lists(NeighbourScratch<Device>& s,
                  Neighbours<Device>& out,

@@ -6,7 +6,8 @@
 #include "core/device/parallel.h"
 #include "tv/internal/neighbour_lists_impl.h"
 
-namespace tvsgs::detail {
+namespace tvsgs {
+namespace detail {
 
 inline constexpr float kLast =
     std::numeric_limits<float>::infinity();  // sorts unusable splats to the end
@@ -119,7 +120,6 @@ struct QueryBody {
     int wanted, k, capacity;
     int first;                      // voter of the first row
     Span<std::uint32_t> receivers;  // [rows, k] ascending in each row
-    Span<SearchCounts> counts;      // may be empty
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int row, void* scratch) const {
@@ -143,13 +143,11 @@ struct QueryBody {
         warp.smallest_first(keys, found, k);
         write_ascending(warp, search, keys, reinterpret_cast<std::uint32_t*>(keys + k),
                         receivers.data + std::size_t(row) * k);
-        if (!counts.empty() && warp.lane() == 0) counts[voter] = search.counts();
     }
 
 private:
-    /// Writes the ranks in ascending order. A search meets ranks in ascending order except for its
-    /// first leaves, and selections of up to 512 keys keep the order. So the ranks inside, below
-    /// and above the first leaves are each sorted.
+    /// Writes the ranks in ascending order. Those inside, below and above the search's first leaves
+    /// are each sorted, as selections of up to 512 keys keep the order.
     template <class Warp>
     TVSGS_HD void write_ascending(const Warp& warp,
                                   const NearestSearch<Warp>& search,
@@ -171,15 +169,6 @@ private:
         if (warp.sum(descents) > 0) warp.sort(ranks, k);
         for (int r = warp.lane(); r < k; r += Warp::kLanes) row[r] = ranks[r];
     }
-};
-
-struct CandidatesTerm {
-    Span<const SearchCounts> counts;
-    TVSGS_HD double operator()(int i) const { return counts[i].candidates; }
-};
-struct LeavesTerm {
-    Span<const SearchCounts> counts;
-    TVSGS_HD double operator()(int i) const { return counts[i].leaves; }
 };
 
 /// Sum of the terms on the host. Waits for the device.
@@ -211,8 +200,7 @@ void count_usable(const NeighbourQuery& query,
     out.median_trace = stats[0], out.noise = static_cast<double>(stats[1]);
 }
 
-/// Sorts the usable splats in Morton order. Clamps outliers to the box of the 0.1% and 99.9%
-/// quantiles.
+/// Sorts the usable splats in Morton order in the box of the 0.1 % and 99.9 % quantiles.
 template <class Device>
 void sort_points(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbours<Device>& out) {
     const int count = splats.size(), usable = out.usable;
@@ -235,11 +223,14 @@ void sort_points(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbou
     parallel_for(Device{}, usable, TreePointBody{splats, s.order.span(), out.points.span()});
 }
 
+}  // namespace detail
+
 template <class Device>
 void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Device>& s,
                      Neighbours<Device>& out,
                      const StageDone& done) {
+    using namespace detail;
     const auto finish = [&](const char* stage) {
         if (done) done(stage);
     };
@@ -261,25 +252,18 @@ void find_neighbours(const NeighbourQuery& query,
     out.k = std::min(query.k, wanted);
     out.voters_count = out.usable + query.fixed.size();
     out.storage = query.storage;
-    s.counts.resize(query.count_work ? out.voters_count : 0);
     store_lists(
         s, out,
         [&](int first, int count, Buffer<std::uint32_t, Device>& rows) {
             for_each_warp(Device{}, count, capacity * sizeof(std::uint64_t),
                           QueryBody{query.splats, query.fixed, query.rule, query.noise, tree,
                                     CodeSearch{s.codes.span(), s.stats.data() + 2}, wanted, out.k,
-                                    capacity, first, rows.span(), s.counts.span()});
+                                    capacity, first, rows.span()});
         },
         done);
 
-    if (query.count_work) {
-        out.candidates = static_cast<std::int64_t>(
-            sum_on_host(s, out.voters_count, CandidatesTerm{s.counts.span()}));
-        out.leaves = static_cast<std::int64_t>(
-            sum_on_host(s, out.voters_count, LeavesTerm{s.counts.span()}));
-    }
     if (out.storage == ListStorage::compact)  // the event does not need them
         free_memory(s.values, s.codes, s.order, s.nodes, s.rows, s.sort.keys, s.sort.values);
 }
 
-}  // namespace tvsgs::detail
+}  // namespace tvsgs

@@ -43,46 +43,10 @@ struct CentreRoundBody {
     }
 };
 
-/// For reports: counts the votes of plates at the centres, and the zero votes among them.
-template <class Real, class Lists>
-struct VoteCountBody {
-    static constexpr bool kPacks = true;
+// This round has reached the splat; cleared at the end of the event.
+inline constexpr std::uint8_t kValidNow = 128;
 
-    ReceivedVotes<Real, Lists> received;
-    Span<float> votes, culled;  // by rank
-
-    template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
-        using Lane = typename Warp::template Lane<Real>;
-        const Vec3<Lane> mean = vec_cast<Lane>(received.means[rank].v);
-        Lane all(0), zero(0);
-        received.template for_each_voter<Warp::kLanes>(
-            warp, rank, [&](const VoterRecord<Lane>& voter) {
-                const Vec3<Lane> d = mean - voter.mean;
-                const Vote<Lane> vote = plate_vote<ExactMath>(voter, d, voter.W * d, received.rule);
-                all += select(vote.cast, Lane(1), Lane(0));
-                zero += select(both(vote.cast, vote.decay <= Lane(0)), Lane(1), Lane(0));
-            });
-        const Real cast = warp.sum(all), culled_here = warp.sum(zero);
-        if (warp.lane() == 0)
-            votes[rank] = static_cast<float>(cast), culled[rank] = static_cast<float>(culled_here);
-    }
-};
-struct ValueTerm {
-    Span<const float> values;
-    TVSGS_HD double operator()(int i) const { return values[i]; }
-};
-struct SilentTerm {
-    Span<const float> tau;
-    TVSGS_HD double operator()(int i) const { return inverse_square_or_zero(tau[i]) > 0 ? 0 : 1; }
-};
-
-inline constexpr std::uint8_t kValidNow =
-    128;  // this round has reached the splat; cleared at the end of the event
-
-/// Turns valid sums into the new tensors. The other splats keep their tensors and take no part in
-/// the losses. Uses double on both devices, because a flat voter magnifies the error of its normal
-/// a hundredfold in the next round.
+/// Turns valid sums into tensors. The other splats keep theirs and take no part in the losses.
 struct EigenBody {
     bool ball_round;
     Ranks ranks;
@@ -96,25 +60,18 @@ struct EigenBody {
         const int i = ranks.splat(rank);
         if (ball_round && (flags[i] & kHasTensor) != 0) return;
         const Sym3f T = sums[rank];
-        const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
-        const double finite = (e.values.x + e.values.y + e.values.z) * 0;
-        std::uint8_t flag = flags[i] & kHasTensor;
-        if (finite == 0 && e.values.x >= kMinEigenvalue) {
-            flag = kHasTensor;
-            if ((e.values.y - e.values.z) / e.values.x >= kMinNormalGap) flag |= kNormalValid;
-            tensors[i] = T;
-            eigenvalues[i] = vec_cast<float>(e.values);
-            normals[i] = vec_cast<float>(column(e.vectors, 2));
-            flag |= kValidNow;
-        }
-        flags[i] = flag;
-        rank_normals[rank].v = (flag & kNormalValid) != 0 ? normals[i] : Vec3f{};
+        const VotedTensor voted = voted_tensor(T);
+        if (voted.valid) tensors[i] = T, eigenvalues[i] = voted.values, normals[i] = voted.normal;
+        const int flag = !voted.valid
+                             ? flags[i] & kHasTensor
+                             : kHasTensor | kValidNow | (voted.has_normal ? kNormalValid : 0);
+        flags[i] = static_cast<std::uint8_t>(flag);
+        rank_normals[rank].v = voted.has_normal ? voted.normal : Vec3f{};
     }
 };
 
-/// Root mean square angle between a splat's normal and its receivers' normals, without ambiguous
-/// normals. If the splat's own normal is ambiguous, variability and strength become infinite, so
-/// that both sorts put the splat at the end.
+/// Root mean square angle between a splat's normal and its receivers', without ambiguous ones. For
+/// an ambiguous own normal variability and strength become infinite: sorted last.
 template <class Lists>
 struct VariabilityBody {
     int k;
@@ -188,14 +145,6 @@ struct BeginBody {
     }
 };
 
-/// Ends an event whose targets are the centres.
-struct AnchorBody {
-    Span<std::uint8_t> flags;
-    TVSGS_HD void operator()(int i) const {
-        flags[i] &= kHasTensor | kNormalValid | kPositionValid;
-    }
-};
-
 /// Copies the entries of new splats from their parents; zero if the parent is negative.
 template <class T>
 struct InheritBody {
@@ -205,11 +154,12 @@ struct InheritBody {
     TVSGS_HD void operator()(int i) const { to[i] = parents[i] < 0 ? T{} : from[parents[i]]; }
 };
 
-/// Excludes all splats from the position loss until the next event: after an event without targets,
-/// and after structure_changed(), because children may have moved.
-struct ClearPositionBody {
+/// Clears the other flags; kPositionValid after an event without targets, and after
+/// structure_changed(), because children may have moved.
+struct KeepFlagsBody {
+    int kept;
     Span<std::uint8_t> flags;
-    TVSGS_HD void operator()(int i) const { flags[i] &= kHasTensor | kNormalValid; }
+    TVSGS_HD void operator()(int i) const { flags[i] &= static_cast<std::uint8_t>(kept); }
 };
 
 }  // namespace tvsgs::detail

@@ -48,15 +48,17 @@ struct VotingEvent {
     /// Without `targets` no splat takes part in the position loss.
     void run(bool targets) {
         begin();
-        if (!s.all_have_tensors) ball_round();
+        if (!s.all_have_tensors) vote_at_centres(true);  // of splats without a tensor
         plate_round();
-        if (s.times.on) count_votes();
-        if (!targets)
-            return parallel_for(Device{}, splats.size(), ClearPositionBody{field.flags.span()});
+        if (!targets) return keep_flags(kHasTensor | kNormalValid);
         mask_positions();
         if (options.targets == Targets::anchor)
-            return parallel_for(Device{}, splats.size(), AnchorBody{field.flags.span()});
+            return keep_flags(kHasTensor | kNormalValid | kPositionValid);
         vote_at_virtual_receivers();
+    }
+
+    void keep_flags(int kept) {
+        parallel_for(Device{}, splats.size(), KeepFlagsBody{kept, field.flags.span()});
     }
 
     /// Computes the centres and scales of voting, which all rounds share.
@@ -71,9 +73,6 @@ struct VotingEvent {
         find_tau(at_centres);
         s.times.done("records");
     }
-
-    /// Votes between the splats without a tensor.
-    void ball_round() { vote_at_centres(true); }
 
     /// Votes of the splats with a tensor and of the fixed voters.
     void plate_round() {
@@ -170,22 +169,9 @@ struct VotingEvent {
         return {records.span(), s.means.span(), lists, vote_rule(options)};
     }
 
-    /// Copies into a reused buffer, then sorts.
     void sort_copy(const Buffer<float, Device>& from, Buffer<float, Device>& to) {
         tvsgs::copy(from, to);
         sort(to, s.scratch.sort);
-    }
-
-    /// Counts the votes of the last round, for the profile.
-    void count_votes() {
-        auto& votes = s.sorted_strengths;  // unused until mask_positions(), like the next one
-        auto& culled = s.sorted_variability;
-        votes.resize(usable), culled.resize(usable);
-        for_each_warp(Device{}, usable, 0, VoteCountBody{received(), votes.span(), culled.span()});
-        s.profile.votes = s.total_on_host(usable, ValueTerm{votes.span()});
-        s.profile.culled_votes = s.total_on_host(usable, ValueTerm{culled.span()});
-        s.profile.silent_voters = s.total_on_host(voters, SilentTerm{s.tau.span()});
-        s.times.skip();
     }
 };
 

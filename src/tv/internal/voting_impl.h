@@ -1,5 +1,4 @@
 // Implementation of TensorVoter: when it searches and votes, and how growth changes the field.
-// voting_event.h holds one event. voting.cpp and voting.cu instantiate it for their device.
 #pragma once
 
 #include <algorithm>
@@ -23,6 +22,41 @@ void clear(int count, TensorField<Device>& field) {
     };
     zeros(field.tensors, field.eigenvalues, field.normals, field.targets, field.flags);
 }
+
+/// Converts lists of ranks to lists of splat indices, on the host.
+template <class Device>
+VotingDetails lists_by_splat(const Neighbours<Device>& near,
+                             int count,
+                             const std::vector<int>& fixed_order = {}) {
+    VotingDetails result;
+    result.k = near.k;
+    result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
+    if (near.k == 0) return result;
+    const auto points = to_host(near.points);
+    const HostLists lists = host_lists(near);
+    const auto splat = [&](std::uint32_t voter) {
+        if (voter < points.size()) return points[voter].index;
+        return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
+    };
+    result.receivers.assign(static_cast<std::size_t>(count) * near.k, 0);
+    std::vector<int> rank_of(static_cast<std::size_t>(count), -1);
+    for (std::size_t rank = 0; rank < points.size(); ++rank) {
+        rank_of[points[rank].index] = static_cast<int>(rank);
+        for (int r = 0; r < near.k; ++r)
+            result.receivers[std::size_t(points[rank].index) * near.k + r] =
+                points[lists.receivers[rank * near.k + r]].index;
+    }
+    for (int i = 0; i < count; ++i) {
+        const int rank = rank_of[i];
+        if (rank >= 0)
+            for (auto e = lists.begin[rank]; e < lists.begin[rank + 1]; ++e)
+                result.voters.push_back(splat(lists.voters[e]));
+        std::sort(result.voters.begin() + result.begin[i], result.voters.end());
+        result.begin[i + 1] = static_cast<std::int64_t>(result.voters.size());
+    }
+    return result;
+}
+
 }  // namespace detail
 
 template <class Device>
@@ -99,7 +133,7 @@ void TensorVoter<Device>::search(int step, const SplatSpans& splats) {
     if (options_.lists == ListStorage::compact) detail::free_memory(s.records, s.double_records);
     find_neighbours(
         {splats, s.fixed(), options_.k, detail::whiten_rule(options_, options_.flatness_limit),
-         s.totals.data() + detail::kNoise, s.times.on, options_.lists},
+         s.totals.data() + detail::kNoise, options_.lists},
         s.scratch, s.neighbours, [&s](const char* stage) { s.times.done(stage); });
     s.searched_at = step;
     s.listed = splats.size();
@@ -108,8 +142,7 @@ void TensorVoter<Device>::search(int step, const SplatSpans& splats) {
     const Neighbours<Device>& found = s.neighbours;
     if (found.k == 0 && !std::exchange(s.warned_few, true))
         detail::warn_too_few(found.usable, splats.size());
-    // Regulariser relative to the median splat. A few giant splats raise the mean trace and with it
-    // the regulariser, which then makes the small splats rounder.
+    // A few giant splats raise the regulariser, which then makes the small splats rounder.
     constexpr double kCoarse = 0.1;
     const double size = std::sqrt(std::max(double(found.median_trace), 1e-300) / 3),
                  share = std::sqrt(found.noise) / size;
@@ -135,7 +168,8 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
     inherit(field.normals, s.vectors);
     inherit(field.targets, s.vectors);
     inherit(field.flags, s.flags);
-    parallel_for(Device{}, count, detail::ClearPositionBody{field.flags.span()});
+    parallel_for(Device{}, count,
+                 detail::KeepFlagsBody{kHasTensor | kNormalValid, field.flags.span()});
 }
 
 template <class Device>
@@ -179,7 +213,7 @@ void TensorVoter<Device>::set_profiling(bool on) {
 template <class Device>
 VotingProfile TensorVoter<Device>::profile() const {
     const auto& s = *state_;
-    VotingProfile result = s.profile;
+    VotingProfile result;
     for (const VotingStage& stage : s.times.stages) {  // adds up stages of one name
         const auto same = std::find_if(result.stages.begin(), result.stages.end(),
                                        [&](const auto& other) { return other.name == stage.name; });
@@ -189,8 +223,52 @@ VotingProfile TensorVoter<Device>::profile() const {
             same->ms += stage.ms;
     }
     result.bytes = s.bytes();
-    result.candidates = s.neighbours.candidates;
-    result.leaves = s.neighbours.leaves;
+    return result;
+}
+
+// For tests and reports:
+
+template <class Device>
+void TensorVoter<Device>::set_receivers(int step,
+                                        int k,
+                                        const std::vector<std::uint32_t>& receivers) {
+    auto& s = *state_;
+    Neighbours<Device>& near = s.neighbours;
+    const int count = static_cast<int>(receivers.size()) / k;
+    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // ranks are indices
+    for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
+    std::vector<std::uint32_t> sorted = receivers;
+    for (auto row = sorted.begin(); row != sorted.end(); row += k) std::sort(row, row + k);
+    copy(points, near.points);
+    near.k = k;
+    near.usable = near.voters_count = s.listed = count;
+    near.storage = options_.lists;
+    detail::store_lists(s.scratch, near, [&](int first, int rows, auto& to) {
+        const auto from = sorted.begin() + std::ptrdiff_t(first) * k;
+        copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(rows) * k), to);
+    });
+    s.searched_at = step;
+    s.stale = s.all_have_tensors = false;
+}
+
+template <class Device>
+VotingDetails TensorVoter<Device>::details() const {
+    const auto& s = *state_;
+    VotingDetails result =
+        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order);
+    const auto points = to_host(s.neighbours.points);
+    const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
+        out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
+        // Without neighbours or an event nothing fits the splats.
+        if (s.neighbours.k == 0 || values.size() < points.size()) return;
+        const std::vector<T> host = to_host(values);
+        for (std::size_t rank = 0; rank < points.size(); ++rank)
+            out[points[rank].index] = host[rank];
+    };
+    by_splat(s.tau, result.tau);
+    by_splat(s.variability, result.variability);
+    by_splat(s.strengths, result.strength);
+    by_splat(s.left_out, result.left_out);
     return result;
 }
 

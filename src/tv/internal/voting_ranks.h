@@ -1,13 +1,11 @@
-// Access to splats and fixed voters in the order of the lists, and the records of voters, for both
-// devices.  [docs/method/voting.md#one-vote]
+// Splats and fixed voters in the order of the lists; their records.
+// [docs/method/voting.md#one-vote]
 #pragma once
 
 #include <cstring>
 
-#include "core/device/parallel.h"
 #include "tv/internal/neighbour_lists.h"
 #include "tv/internal/neighbours.h"
-#include "tv/internal/splats.h"
 #include "tv/internal/warp.h"
 #include "tv/voting.h"
 
@@ -79,8 +77,7 @@ struct RecordWords {
 };
 #endif
 
-/// Load and store whole records with the widest instructions. Entry by entry they would cost four
-/// times the memory traffic.
+/// Whole records by the widest instructions: entries one by one cost four times the traffic.
 template <class Real>
 TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
 #if defined(__CUDA_ARCH__)
@@ -105,8 +102,7 @@ TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
 #endif
 }
 
-/// Fills the entries of the records that TauBody reads: mean, W, and inverse_tau2 (0 if the voter
-/// cannot vote).
+/// Fills what TauBody reads: mean, W, and inverse_tau2 (0 if the voter cannot vote).
 template <class Real>
 struct WhiteningBody {
     Ranks ranks;
@@ -175,9 +171,8 @@ struct FlagTerm {
     TVSGS_HD double operator()(int i) const { return (flags[i] & flag) != 0 ? 1 : 0; }
 };
 
-/// Sets normal and strength of each voter. A splat with a tensor votes as the tensor's plate,
-/// another splat as a ball (strength 1, normal 0). A splat whose normal comes from rounding errors
-/// is silent: where no other splat votes, its vote would decide.
+/// Normal and strength of each voter: a splat with a tensor votes as its plate, another as a ball
+/// (strength 1, normal 0). A splat whose normal comes from rounding errors is silent.
 struct OrientationBody {
     Ranks ranks;
     bool literal;
@@ -208,8 +203,8 @@ struct OrientationBody {
     }
 };
 
-/// Computes the records, in double for both precisions, because a thin splat magnifies the rounding
-/// of its axes. Plates are silent in a ball round and balls in a plate round.
+/// Computes the records in double: a thin splat magnifies the rounding of its axes. Plates are
+/// silent in a ball round and balls in a plate round.
 template <class Real>
 struct RecordBody {
     bool ball_round;
@@ -246,9 +241,9 @@ struct ReceivedVotes {
     Lists lists;
     VoteRule rule;
 
-    /// Calls action(record) for each voter of the splat at `rank`. Voter number e goes to the lanes
-    /// e, e + kStride, ... A CPU thread gets a Pack of records at a time; silent voters fill up the
-    /// last one.
+    /// Calls action(record) for each voter of the splat at `rank`; voter number e in lanes e, e +
+    /// kStride, ... A CPU thread gets a Pack of records at a time; silent voters fill up the last
+    /// one.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
         if constexpr (Warp::kLanes == 1) {

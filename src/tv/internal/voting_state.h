@@ -30,7 +30,6 @@ public:
         stages.push_back({name, std::chrono::duration<double, std::milli>(time - last_).count()});
         last_ = time;
     }
-    void skip() { last_ = now(); }
 
 private:
     using Clock = std::chrono::steady_clock;
@@ -51,7 +50,6 @@ struct VotingState {
     bool all_have_tensors = false;  // all splats in the lists have one, so there is no ball round
     bool warned_few = false, warned_noise = false;
     StageTimes<Device> times;
-    VotingProfile profile;
 
     Neighbours<Device> neighbours;
     NeighbourScratch<Device> scratch;
@@ -113,7 +111,7 @@ struct VotingState {
         return bytes_of(n.points, n.receivers, n.begin, n.voters, t.tiles, t.receiver_block,
                         t.place, t.voter_block, t.voter_begin, t.receiver_begin) +
                bytes_of(s.sort.temporary, s.sort.keys, s.sort.values, s.sort.floats, s.values,
-                        s.codes, s.order, s.nodes, s.cursors, s.begin, s.rows, s.counts) +
+                        s.codes, s.order, s.nodes, s.cursors, s.begin, s.rows) +
                bytes_of(fixed_means, fixed_normals, fixed_scales, fixed_weights) +
                bytes_of(records, double_records, tau, position_tau, voter_strengths, voter_normals,
                         means, normals, sums, strengths, variability, strong_votes,

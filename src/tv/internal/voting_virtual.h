@@ -8,8 +8,7 @@
 
 namespace tvsgs::detail {
 
-/// Sets the targets of the position loss: the centre or the virtual receiver with the largest
-/// surface saliency.
+/// Sets the targets: the centre or the virtual receiver with the largest surface saliency.
 template <class Real, class Lists, bool kUnitVotes>
 struct VirtualBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
@@ -37,8 +36,7 @@ struct VirtualBody {
         const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
         const Vec3<Real> l =
             centre_known ? vec_cast<Real>(eigenvalues[i]) : centre_eigenvalues(warp, rank, mean);
-        // A receiver must win by more than rounding. On a tie the nearer one wins, then the
-        // negative one.
+        // A receiver must win by more than rounding. Of a tie the nearer wins, then the negative.
         const Real rounding = Real(kRoundingMargin) * l.x;
         Best best{l.y - l.z + Real(margin) * l.x - rounding, rounding, 0};
         if constexpr (Warp::kLanes == 1) {

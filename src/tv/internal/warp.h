@@ -26,17 +26,16 @@ struct SerialWarp {
 
     int lane() const { return 0; }
     void sync() const {}  // also orders the lanes' memory accesses
-    template <class T>
-    T sum(T x) const {
-        return x;
-    }
-    template <class T, int kBytes>
-    T sum(const Pack<T, kBytes>& x) const {
-        return sum_of_entries<T>(x);
-    }
-    template <class T>
-    T sum(const Abreast<Pack<T>, 2>& x) const {
-        return sum_of_entries<T>(x);
+    /// Of a number, or of the numbers of a Pack or Abreast.
+    template <class Lane>
+    auto sum(const Lane& x) const {
+        if constexpr (std::is_arithmetic_v<Lane>) {
+            return x;
+        } else {
+            std::decay_t<decltype(x[0])> total = 0;
+            for (int i = 0; i < Lane::kSize; ++i) total += x[i];
+            return total;
+        }
     }
     template <class T>
     T from_lane(T x, int /*lane*/) const {
@@ -76,8 +75,8 @@ struct SerialWarp {
     }
     static int lowest_bit(std::uint32_t mask) { return __builtin_ctz(mask); }
 
-    /// Moves the `wanted` smallest of `count` different keys to the front, 0 < wanted <= count;
-    /// returns the largest of them.
+    /// Moves the `wanted` > 0 smallest of `count` different keys to the front; returns their
+    /// largest.
     static std::uint64_t smallest_first(std::uint64_t* keys, int count, int wanted) {
         std::nth_element(keys, keys + wanted - 1, keys + count);
         return keys[wanted - 1];
@@ -85,8 +84,7 @@ struct SerialWarp {
 
     /// Numbers of scratch memory for median().
     TVSGS_HD static int median_scratch(int count) { return count; }
-    /// Median of value(0), ..., value(count - 1) >= 0, NaN last; for an even count the mean of the
-    /// two middle values. `scratch` holds median_scratch(count) numbers.
+    /// Median of value(0), ..., value(count - 1) >= 0, NaN last; of an even count the middle mean.
     template <class Value>
     float median(int count, float* scratch, const Value& value) const {
         for (int i = 0; i < count; ++i) {
@@ -97,14 +95,6 @@ struct SerialWarp {
         std::nth_element(scratch, upper, scratch + count);
         return count % 2 == 1 ? *upper : (*std::max_element(scratch, upper) + *upper) / 2;
     }
-
-private:
-    template <class T, class Lane>
-    static T sum_of_entries(const Lane& x) {
-        T total = 0;
-        for (int i = 0; i < Lane::kSize; ++i) total += x[i];
-        return total;
-    }
 };
 
 /// For CPUs with has_wide_packs().
@@ -113,9 +103,8 @@ struct WideWarp : SerialWarp {
     using Lane = Pack<Real, 32>;
 };
 
-/// Sorts any number of keys in place, ascending. Batcher's bitonic network in the form whose
-/// comparators all put the smaller key first; then the missing keys up to the next power of two
-/// need not exist.
+/// Sorts any number of keys. Batcher's bitonic network whose comparators all put the smaller key
+/// first: missing keys up to the next power of two need not exist.
 template <class Warp, class Key>
 TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
     const auto compare_exchange = [keys, count](int i, int j) {
@@ -148,8 +137,7 @@ int median_scratch(int count) {
     return std::is_same_v<Device, Cpu> ? SerialWarp::median_scratch(count) : 0;
 }
 
-/// Calls action(0), ..., action(kCount - 1); unrolled on a GPU, so that small arrays stay in
-/// registers.
+/// Calls action(0), ..., action(kCount - 1); a GPU unrolls it, so small arrays stay in registers.
 template <int kCount, class Action>
 TVSGS_HD void for_constants(const Action& action) {
 #if defined(__CUDA_ARCH__)
@@ -166,8 +154,8 @@ TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
 }
 }  // namespace detail
 
-/// Calls body(warp, i, scratch) for i in [0, count). `scratch` has `scratch_bytes` per warp. A body
-/// that computes with packs declares kPacks.
+/// Calls body(warp, i, scratch) for i in [0, count). A body that computes with packs declares
+/// kPacks.
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
     [[maybe_unused]] const bool wide = has_wide_packs();
@@ -222,8 +210,7 @@ struct IotaBody {
 };
 }  // namespace detail
 
-/// Stable sort of keys below `limit`: `order` gets the places of the keys in ascending order,
-/// `sorted` the keys. `spare` grows to two numbers per key.
+/// Stable sort of keys below `limit`: `order` gets the places of the keys, `sorted` the keys.
 inline void stable_order(Span<const std::uint32_t> keys,
                          int limit,
                          Span<std::uint32_t> sorted,

@@ -15,8 +15,8 @@
 
 namespace tvsgs {
 
-/// One warp. All lanes must take part in every call. The methods also compile for the host, because
-/// templates use them there, but do nothing.
+#if defined(__CUDA_ARCH__)
+/// One warp. All lanes must take part in every call.
 struct CudaWarp {
     static constexpr int kLanes = 32;
     static constexpr unsigned kAll = 0xffffffffu;
@@ -25,26 +25,19 @@ struct CudaWarp {
 
     TVSGS_HD static int median_scratch(int /*count*/) { return 0; }
 
-#if defined(__CUDA_ARCH__)
-    __host__ __device__ int lane() const {
-        return static_cast<int>(threadIdx.x % 32);
-    }
-    __host__ __device__ void sync() const {
-        __syncwarp();
-    }
-    __host__ __device__ static int lowest_bit(std::uint32_t mask) {
-        return __ffs(static_cast<int>(mask)) - 1;
-    }
+    TVSGS_HD int lane() const { return static_cast<int>(threadIdx.x % 32); }
+    TVSGS_HD void sync() const { __syncwarp(); }
+    TVSGS_HD static int lowest_bit(std::uint32_t mask) { return __ffs(static_cast<int>(mask)) - 1; }
     template <class T>
-    __host__ __device__ T sum(T x) const {  // the same tree, hence the same bits, in all lanes
+    TVSGS_HD T sum(T x) const {  // the same tree, hence the same bits, in all lanes
         for (int offset = 16; offset > 0; offset /= 2) x += __shfl_xor_sync(kAll, x, offset);
         return x;
     }
     template <class T>
-    __host__ __device__ T from_lane(T x, int source) const {
+    TVSGS_HD T from_lane(T x, int source) const {
         return __shfl_sync(kAll, x, source);
     }
-    __host__ __device__ int sum_before(int x) const {
+    TVSGS_HD int sum_before(int x) const {
         int sum = x;
         for (int offset = 1; offset < 32; offset *= 2) {
             const int other = __shfl_up_sync(kAll, sum, offset);
@@ -53,40 +46,32 @@ struct CudaWarp {
         return sum - x;
     }
     template <class Action>
-    __host__ __device__ void for_lanes(const Action& action) const {
+    TVSGS_HD void for_lanes(const Action& action) const {
         action(lane());
         __syncwarp();
     }
     template <class Value>
-    __host__ __device__ std::uint32_t smallest32(const Value& value) const {
+    TVSGS_HD std::uint32_t smallest32(const Value& value) const {
         return warp_min(value(lane()));
     }
-    __host__ __device__ void sort(std::uint32_t* keys, int count) const {
-        bitonic_sort(*this, keys, count);
-    }
+    TVSGS_HD void sort(std::uint32_t* keys, int count) const { bitonic_sort(*this, keys, count); }
     template <class Predicate>
-    __host__ __device__ std::uint32_t ballot32(const Predicate& predicate) const {
+    TVSGS_HD std::uint32_t ballot32(const Predicate& predicate) const {
         return __ballot_sync(kAll, predicate(lane()));
     }
     template <class Key, class Accept>
-    __host__ __device__ int append32(std::uint64_t* out,
-                                     const Key& key,
-                                     const Accept& accept) const {
+    TVSGS_HD int append32(std::uint64_t* out, const Key& key, const Accept& accept) const {
         const std::uint64_t mine = key(lane());
         const bool accepted = accept(mine);
         return append(out, mine, accepted);
     }
-    /// Sums over each half of the warp: lane i of a half gets the sums of values 2i and 2i + 1. In
-    /// each of four rounds a lane keeps the half of the values that its number selects and sends
-    /// the other half.
+    /// Sums over each half of the warp: lane i of a half gets the sums of values 2i and 2i + 1.
     template <class T>
-    __host__ __device__ static void sums_to_half_lanes(T (&values)[32], T (&mine)[2]) {
+    TVSGS_HD static void sums_to_half_lanes(T (&values)[32], T (&mine)[2]) {
         halve<8>(values);
         mine[0] = values[0], mine[1] = values[1];
     }
-    __host__ __device__ std::uint64_t smallest_first(std::uint64_t* keys,
-                                                     int count,
-                                                     int wanted) const {
+    TVSGS_HD std::uint64_t smallest_first(std::uint64_t* keys, int count, int wanted) const {
         sync();
         if (count > 512) {
             bitonic_sort(*this, keys, count);
@@ -96,7 +81,7 @@ struct CudaWarp {
     }
 
     template <class Value>
-    __host__ __device__ float median(int count, float*, const Value& value) const {
+    TVSGS_HD float median(int count, float*, const Value& value) const {
         return count <= 128 ? median_of<4>(count, value) : median_of<16>(count, value);
     }
 
@@ -133,8 +118,7 @@ private:
         if (accepted) out[__popc(mask & ((1u << (threadIdx.x % 32)) - 1))] = key;
         return __popc(mask);
     }
-    /// Exchanges values with the lane kDistance away, then with nearer lanes: 4 kDistance values
-    /// become 2.
+    /// Exchanges values with the lane kDistance away, then nearer: 4 kDistance values become 2.
     template <int kDistance, class T>
     __device__ __forceinline__ static void halve(T* values) {
         const bool upper = (threadIdx.x & kDistance) != 0;
@@ -147,8 +131,7 @@ private:
         if constexpr (kDistance > 1) halve<kDistance / 2>(values);
     }
 
-    /// The wanted-th smallest word of the lanes, by bisection of their range: about ten rounds for
-    /// different words.
+    /// The wanted-th smallest word of the lanes, by bisection of their range: about ten rounds.
     template <int kPerLane>
     __device__ std::uint32_t kth_word(const std::uint32_t (&words)[kPerLane], int wanted) const {
         std::uint32_t low = 0xffffffffu, high = 0;
@@ -215,57 +198,22 @@ private:
         return static_cast<std::uint64_t>(top) << 32 |
                ~warp_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
     }
-
-public:
-#else
-    __host__ __device__ int lane() const {
-        return 0;
-    }
-    __host__ __device__ void sync() const {}
-    __host__ __device__ static int lowest_bit(std::uint32_t) {
-        return 0;
-    }
-    template <class T>
-    __host__ __device__ T sum(T x) const {
-        return x;
-    }
-    template <class T>
-    __host__ __device__ T from_lane(T x, int) const {
-        return x;
-    }
-    __host__ __device__ int sum_before(int) const {
-        return 0;
-    }
-    template <class Action>
-    __host__ __device__ void for_lanes(const Action&) const {}
-    template <class Value>
-    __host__ __device__ std::uint32_t smallest32(const Value&) const {
-        return 0;
-    }
-    __host__ __device__ void sort(std::uint32_t*, int) const {}
-    template <class Predicate>
-    __host__ __device__ std::uint32_t ballot32(const Predicate&) const {
-        return 0;
-    }
-    template <class Key, class Accept>
-    __host__ __device__ int append32(std::uint64_t*, const Key&, const Accept&) const {
-        return 0;
-    }
-    template <class T>
-    __host__ __device__ static void sums_to_half_lanes(T (&)[32], T (&)[2]) {}
-    __host__ __device__ std::uint64_t smallest_first(std::uint64_t*, int, int) const {
-        return 0;
-    }
-    template <class Value>
-    __host__ __device__ float median(int, float*, const Value&) const {
-        return 0;
-    }
-#endif
 };
+#else
+/// Templates also compile for the host, which never calls them.
+struct CudaWarp : SerialWarp {
+    static constexpr int kLanes = 32;
+    template <class Real>
+    using Lane = Real;
+
+    TVSGS_HD static int median_scratch(int /*count*/) { return 0; }
+    template <class T>
+    static void sums_to_half_lanes(T (&)[32], T (&)[2]) {}
+};
+#endif
 
 namespace detail {
-/// Number of blocks that should fit on a multiprocessor. A body with long memory latency sets
-/// kMinBlocks, at the cost of registers.
+/// Blocks that should fit on a multiprocessor; a body with long memory latency sets kMinBlocks.
 template <class Body>
 constexpr int min_blocks() {
     if constexpr (requires { Body::kMinBlocks; })
@@ -297,18 +245,23 @@ void for_each_warp(Cuda, int count, std::size_t scratch_bytes, const Body& body)
     check_launch();
 }
 
+/// Runs a function of cub with the temporary memory that it asks for: run(memory, bytes).
+template <class Run>
+void with_temporary(SortScratch<Cuda>& scratch, const Run& run) {
+    std::size_t bytes = 0;
+    check_cuda(run(nullptr, bytes));
+    scratch.temporary.resize(bytes);
+    check_cuda(run(scratch.temporary.data(), bytes));
+}
+
 inline void sort(Buffer<float, Cuda>& keys, SortScratch<Cuda>& scratch) {
     const int count = static_cast<int>(keys.size());
     if (count == 0) return;
     scratch.floats.resize(keys.size());
     cub::DoubleBuffer<float> both(keys.data(), scratch.floats.data());
-    const auto run = [&](void* temporary, std::size_t& bytes) {
-        check_cuda(cub::DeviceRadixSort::SortKeys(temporary, bytes, both, count));
-    };
-    std::size_t bytes = 0;
-    run(nullptr, bytes);
-    scratch.temporary.resize(bytes);
-    run(scratch.temporary.data(), bytes);
+    with_temporary(scratch, [&](void* memory, std::size_t& bytes) {
+        return cub::DeviceRadixSort::SortKeys(memory, bytes, both, count);
+    });
     if (both.Current() != keys.data()) keys.swap(scratch.floats);
 }
 
@@ -321,14 +274,9 @@ inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
     scratch.values.resize(keys.size());
     cub::DoubleBuffer<std::uint64_t> both_keys(keys.data(), scratch.keys.data());
     cub::DoubleBuffer<std::uint32_t> both_values(values.data(), scratch.values.data());
-    const auto run = [&](void* temporary, std::size_t& bytes) {
-        check_cuda(
-            cub::DeviceRadixSort::SortPairs(temporary, bytes, both_keys, both_values, count));
-    };
-    std::size_t bytes = 0;
-    run(nullptr, bytes);
-    scratch.temporary.resize(bytes);
-    run(scratch.temporary.data(), bytes);
+    with_temporary(scratch, [&](void* memory, std::size_t& bytes) {
+        return cub::DeviceRadixSort::SortPairs(memory, bytes, both_keys, both_values, count);
+    });
     if (both_keys.Current() != keys.data()) keys.swap(scratch.keys);
     if (both_values.Current() != values.data()) values.swap(scratch.values);
 }
@@ -346,15 +294,11 @@ inline void stable_order(Span<const std::uint32_t> keys,
     parallel_for(Cuda{}, keys.size(), detail::IotaBody{order});
     cub::DoubleBuffer<std::uint32_t> by_key(sorted.data, spare.data()),
         places(order.data, spare.data() + count);
-    const auto run = [&](void* temporary, std::size_t& bytes) {
-        check_cuda(cub::DeviceRadixSort::SortPairs(
-            temporary, bytes, by_key, places, static_cast<std::int64_t>(count), 0,
-            static_cast<int>(std::bit_width(static_cast<std::uint32_t>(limit)))));
-    };
-    std::size_t bytes = 0;
-    run(nullptr, bytes);
-    scratch.temporary.resize(bytes);
-    run(scratch.temporary.data(), bytes);
+    with_temporary(scratch, [&](void* memory, std::size_t& bytes) {
+        return cub::DeviceRadixSort::SortPairs(
+            memory, bytes, by_key, places, static_cast<std::int64_t>(count), 0,
+            static_cast<int>(std::bit_width(static_cast<std::uint32_t>(limit))));
+    });
     if (by_key.Current() != sorted.data)
         detail::copy(Cuda{}, by_key.Current(), Cuda{}, sorted.data, key_bytes);
     if (places.Current() != order.data)
@@ -366,14 +310,10 @@ template <class Term>
 void exclusive_scan(const Term& term, Buffer<std::int64_t, Cuda>& out, SortScratch<Cuda>& scratch) {
     const auto terms =
         thrust::make_transform_iterator(thrust::make_counting_iterator<std::int64_t>(0), term);
-    const auto run = [&](void* temporary, std::size_t& bytes) {
-        check_cuda(cub::DeviceScan::ExclusiveSum(temporary, bytes, terms, out.data(),
-                                                 static_cast<std::int64_t>(out.size())));
-    };
-    std::size_t bytes = 0;
-    run(nullptr, bytes);
-    scratch.temporary.resize(bytes);
-    run(scratch.temporary.data(), bytes);
+    with_temporary(scratch, [&](void* memory, std::size_t& bytes) {
+        return cub::DeviceScan::ExclusiveSum(memory, bytes, terms, out.data(),
+                                             static_cast<std::int64_t>(out.size()));
+    });
 }
 
 }  // namespace tvsgs
