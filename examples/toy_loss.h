@@ -26,16 +26,14 @@ struct BrightnessBody {
 template <class Device>
 class BrightnessLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.view_maps = {"brightness"}};
+    inline static const LossNeeds kNeeds{.view_maps = {"brightness"}};
 
     explicit BrightnessLoss(const ScheduledOptions& options) : options_(options) {}
 
     bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override { return kNeeds; }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const DeviceMap<Device>* const wanted = in.view.map("brightness");
         if (wanted == nullptr) return;  // no map for this view
         const Buffer<Vec3f, Device>& color = in.images.color;
@@ -45,8 +43,7 @@ public:
                      BrightnessBody{color.span(), wanted->values.span(),
                                     options_.weight / static_cast<float>(pixels),
                                     pixel_loss_.span(), objective.dL_dimages.color.span()});
-        add_sum(Device{}, pixels, ReadValue{std::as_const(pixel_loss_).span()}, 1,
-                objective.partial.span(), value);
+        objective.add(pixel_loss_);
     }
 
 private:

@@ -20,15 +20,14 @@ constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
               kOpaqueAfter = 250, kOpaqueShare = 20;
-// A start by stereo: iterations per view, their largest sum, and iterations per view where these
-// are more; opacity; pixels between the points that fill gaps; share of the iterations in which the
-// photometric share rises to 1 at kFewViews; and the factor of lr.supported just below kFewViews.
+// A start by stereo: iterations per view, their largest sum, iterations per view where these are
+// more; pixels between points in gaps; opacity; share of the iterations in which the photometric
+// share rises to 1 at kFewViews; factor of lr.supported just below kFewViews.
 constexpr int kSupportedPerView = 400, kSupportedMost = 2500, kManyPerView = 125, kGapPx = 2;
 constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
-// Largest meshed splat, pixels. Without a start by stereo: of kLeastViews; twice that for each view
-// more, no limit from kFewViews on.
+// Largest meshed splat, pixels; without a start by stereo of kLeastViews, twice that for each more.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 // Votes after a start by stereo: in full up to kLeastViews, none from here on.
 constexpr int kViewsWithoutVotes = 6;
@@ -55,9 +54,7 @@ int between(int bare, int covered, double share) {
 
 /// The keys of the schedule that change when it is fitted to other iterations.
 Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitted) {
-    std::vector<int> before;
-    visit_schedule(options,
-                   [&](const std::string&, int number, Counts) { before.push_back(number); });
+    const std::vector<int> before = schedule_numbers(options);
     Settings settings;
     std::size_t next = 0;
     visit_schedule(fitted, [&](const std::string& key, int number, Counts) {
@@ -200,7 +197,7 @@ private:
     }
 
     /// Stereo knows the surface: splats start opaque on it. With few views the photometric gradient
-    /// would move them away, so that it gets a part of their geometry late, or none.
+    /// would move them away, so it acts late or not at all.
     void support() {
         // Photographs that are too far apart to compare are as few.
         const double many = look_.views_in_wide_pairs * between_few_views();

@@ -6,7 +6,6 @@
 #include "core/device/buffer.h"
 #include "core/error.h"
 #include "core/grouped.h"
-#include "core/log.h"
 #include "core/parse_numbers.h"
 #include "io/files/json_value.h"
 #include "mesh/fuse/device_algorithms.h"
@@ -21,8 +20,8 @@ constexpr std::int64_t kMiB = 1 << 20;
 // Splats of a block's margin over its own ones. Chosen; tvsgs-blocks counts them.
 constexpr double kBlockMargin = 0.2;
 
-// Bytes of a view. Each splat has radius, place and statistics; each splat in view has records and
-// entries in the lists of tiles (measured, with room to spare):
+// Bytes of a view: radius, place and statistics of each splat; records and entries in the lists of
+// tiles of each splat in view (measured, with room to spare):
 constexpr std::int64_t kPerViewSplat = 28, kPerSplatInView = 200, kPerFragment = 100,
                        kFragmentsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
@@ -33,9 +32,9 @@ constexpr std::int64_t kProgram = 32 * kMiB;
 
 /// Bytes of the mask that DeviceViews makes for the terms.
 std::int64_t mask_bytes(const View& view, const LossNeeds& needs) {
-    const bool needed =
-        std::find(needs.view_maps.begin(), needs.view_maps.end(), "mask") != needs.view_maps.end();
-    return needed ? static_cast<std::int64_t>(view.mask.pixels.size() * sizeof(float)) : 0;
+    return needs.view_maps.contains("mask")
+               ? static_cast<std::int64_t>(view.mask.pixels.size() * sizeof(float))
+               : 0;
 }
 
 /// Bytes without the mask.

@@ -32,12 +32,10 @@ struct MemoryNeed {
 struct MemoryLimits {
     std::int64_t device = 0, host = 0;
 };
-/// The limits of `memory`, else most of the free memory. Throws Error(ExitCode::usage) for a limit
-/// that is not a size.
+/// Throws Error(ExitCode::usage) for a limit that is not a size.
 MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda);
 
-/// An estimate: measured peaks of trainings are between half of it and all of it
-/// (tests/reliability).
+/// Measured peaks of trainings are between half of this estimate and all of it.
 struct MemoryPlan {
     MemoryNeed buffers;  // all Buffers on the training device
     MemoryNeed host;     // all on the host; on a CPU with `buffers`
@@ -59,8 +57,7 @@ struct MemoryPlan {
 /// reach into the image and for growth in this view; 1 without points.
 double share_in_view(const Scene& scene);
 
-/// Bytes per splat that one render keeps for its backward pass, if a share of the splats is in
-/// view.
+/// Bytes per splat that one render keeps for its backward pass.
 std::int64_t view_bytes_per_splat(double share_in_view);
 
 /// How many splats fit into `limits`.
@@ -72,8 +69,7 @@ bool grows(const TrainOptions& options);
 /// Number of splats at which the options stop growth, without regard to memory.
 std::int64_t growth_cap(const Scene& scene, const DensifyOptions& options);
 
-/// Whether photographs and maps fill more than half of the device, so that they stay on the host,
-/// unless options.photo_bytes sets a size.
+/// Whether photographs and maps fill more than half of the device, and so stay on the host.
 bool photos_crowd(const Scene& scene, const TrainOptions& options, std::int64_t device_limit);
 
 /// options.photo_bytes; 1 on a CPU if the photographs are in a file and the options set no size.
@@ -90,10 +86,9 @@ MemoryPlan estimate_memory(const Scene& scene,
                            std::int64_t splats,
                            bool cuda);
 
-/// Estimates within memory_limits(), lowers options.densify.max_gaussians to the number that fits
-/// and to options.densify.max_per_pixel, and sets the limits of the allocators. Throws
-/// Error(ExitCode::memory) if the first splats do not fit, Error(ExitCode::usage) as
-/// memory_limits().
+/// Estimates within memory_limits(), lowers options.densify.max_gaussians to the limit of growth
+/// and the number that fits, and sets the limits of the allocators. Throws Error(ExitCode::memory)
+/// if the first splats do not fit.
 MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,
                        std::int64_t splats,

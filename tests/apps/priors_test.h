@@ -23,9 +23,9 @@
 
 namespace tvsgs {
 
-inline constexpr MapNames kAllPriors{prior_map::kDepth,      prior_map::kDepthOrder,
-                                     prior_map::kConfidence, prior_map::kNormal,
-                                     prior_map::kFeatures,   prior_map::kCoarseFeatures};
+inline const MapNames kAllPriors{prior_map::kDepth,      prior_map::kDepthOrder,
+                                 prior_map::kConfidence, prior_map::kNormal,
+                                 prior_map::kFeatures,   prior_map::kCoarseFeatures};
 
 inline const ViewMap* find(const View& view, std::string_view name) {
     for (const ViewMap& map : view.maps)

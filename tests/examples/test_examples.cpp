@@ -117,7 +117,7 @@ TEST(ToyLoss, DerivativesMatchItsValue) {
     objective.values.resize(1);
     const auto value = [&] {
         objective.values.fill_zero(), objective.dL_dimages.color.fill_zero();
-        loss.add_to(objective, objective.values.data(), {none, images, view, field, {}, 1});
+        loss.add_to(objective, {none, images, view, field, {}, 1});
         return objective.values[0];
     };
     value();

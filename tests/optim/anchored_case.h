@@ -76,7 +76,7 @@ AnchoredResult evaluate(const AnchoredCase& c, std::size_t resume_before = 1000)
         }
         objective.dL_dimages.depth.fill_zero();
         copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
-        loss->add_to(objective, objective.values.data(),
+        loss->add_to(objective,
                      {gaussians, images, views[0], field, {}, step, looks ? &others : nullptr});
         result.values.push_back(to_host(objective.values)[0] - 2);
         if (i == 0) result.first_target = to_host(loss->target(0));

@@ -74,7 +74,7 @@ FatesResult evaluate(const FatesCase& c) {
     copy(std::vector<double>{2}, objective.values);
     const TensorField<Device> field;
     losses.at(0)->add_to(
-        objective, objective.values.data(),
+        objective,
         {gaussians, images, views[0], field, {}, c.step, others.count() > 0 ? &others : nullptr});
     FatesResult result{to_host(objective.values)[0] - 2, to_host(objective.dL_dimages.depth)};
     for (float& g : result.dL_ddepth) g -= 3;

@@ -77,8 +77,7 @@ LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1) {
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
-    loss.add_to(objective, objective.values.data(),
-                {gaussians, images, view, field, radii.span(), step});
+    loss.add_to(objective, {gaussians, images, view, field, radii.span(), step});
     return {to_host(objective.values)[0] - 2,
             to_host(objective.dL_dgaussians.means),
             to_host(objective.dL_dgaussians.log_scales),

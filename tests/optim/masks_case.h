@@ -40,7 +40,7 @@ MaskResult evaluate_masks(const MaskCase& c) {
         dL.transmittance.resize(c.color.size()), dL.transmittance.fill_zero();
     objective.partial.resize(kSumBlocks);
     copy(std::vector<double>{0}, objective.values);
-    loss.add_to(objective, objective.values.data(), {gaussians, images, view, field, {}, c.step});
+    loss.add_to(objective, {gaussians, images, view, field, {}, c.step});
     MaskResult result{
         to_host(objective.values)[0], to_host(dL.color), to_host(dL.transmittance), {}};
     for (const ExposureState& state : to_host(loss.exposure().states()))

@@ -150,8 +150,7 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
     const TensorField<Device> field;
     for (int i = 0; i < terms; ++i)
-        loss->add_to(objective, objective.values.data(),
-                     {gaussians, images, views[0], field, {}, 1, &others});
+        loss->add_to(objective, {gaussians, images, views[0], field, {}, 1, &others});
 
     MultiViewResult result;
     result.value = to_host(objective.values)[0] - 2;
@@ -204,7 +203,7 @@ ExposureResult evaluate_exposure(const ExposureCase& c, int steps) {
     for (int step = 1; step <= steps; ++step) {
         objective.dL_dimages.color.fill_zero();
         copy(std::vector<double>{0}, objective.values);
-        loss.add_to(objective, objective.values.data(), {gaussians, images, view, field, {}, step});
+        loss.add_to(objective, {gaussians, images, view, field, {}, step});
         result.last_value = to_host(objective.values)[0];
         if (step == 1) result.first_value = result.last_value;
     }

@@ -29,8 +29,7 @@ TEST(Densify, GradientIsTheMeanOverTheViewsThatSeeTheSplat) {
     // 1.5 t, then 0.7 t: 1.1 t on average. Splat 1 is invisible at first: 0.7 t.
     model.screen.dL_dmeans2d[0] = model.screen.dL_dmeans2d[1] = {1.5f * t, 0};
     model.screen.radii_px[1] = 0;
-    EXPECT_FALSE(
-        densifier.step(599, model.screen, model.g, model.adam, kNoViews).structure_changed);
+    EXPECT_FALSE(densifier.step(599, model.screen, model.g, model.adam, kNoViews));
     model.screen.dL_dmeans2d[0] = model.screen.dL_dmeans2d[1] = {0, 0.7f * t};
     model.screen.radii_px[1] = 5;
     densifier.step(600, model.screen, model.g, model.adam, kNoViews);
@@ -205,8 +204,8 @@ TEST(Densify, OpacityReset) {
     model.g.opacity_logits[2] = -5;  // 0.0067: already below 0.01, above the pruning bound
     DensifyOptions o = options_without_trim();
     Densifier<Cpu> densifier(o, 1, 0);
-    const auto event = densifier.step(3000, model.screen, model.g, model.adam, kNoViews);
-    EXPECT_TRUE(event.opacity_reset);
+    densifier.step(3000, model.screen, model.g, model.adam, kNoViews);
+    EXPECT_TRUE(densifier.resets_opacity(3000));
     ASSERT_EQ(model.g.size(), 3);
     EXPECT_NEAR(1 / (1 + std::exp(-model.g.opacity_logits[0])), 0.01, 1e-6);
     EXPECT_NEAR(1 / (1 + std::exp(-model.g.opacity_logits[1])), 0.01, 1e-6);
@@ -255,8 +254,8 @@ TEST(Densify, TrimKeepsSplatsInFrontInEnoughViews) {
             count_view(model.screen);
         }
     };
-    const auto event = densifier.step(1000, model.screen, model.g, model.adam, observe);
-    EXPECT_TRUE(event.structure_changed);
+    const bool changed = densifier.step(1000, model.screen, model.g, model.adam, observe);
+    EXPECT_TRUE(changed);
     // Of 0 1 1' 2 3, those seen twice: 0, the clone 1', and 3, numbered as before the step.
     EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 1, 3}));
     EXPECT_EQ(model.g.size(), 3);
@@ -272,8 +271,8 @@ TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
     o.trim_min_views = 2;  // no splat is seen at iteration 1000
     Densifier<Cpu> densifier(o, 1, 0);
     for (int step : {600, 1000}) {
-        const auto event = densifier.step(step, model.screen, model.g, model.adam, kNoViews);
-        EXPECT_FALSE(event.structure_changed);
+        const bool changed = densifier.step(step, model.screen, model.g, model.adam, kNoViews);
+        EXPECT_FALSE(changed);
         ASSERT_EQ(model.g.size(), 3);
         for (std::size_t i = 0; i < 3; ++i) {
             EXPECT_EQ(norm(model.g.means[i] - before.g.means[i]), 0);
@@ -284,7 +283,7 @@ TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
     Model grown(2);
     grown.screen.dL_dmeans2d[1] = {1, 0};
     Densifier<Cpu> other(o, 1, 0);
-    EXPECT_TRUE(other.step(1000, grown.screen, grown.g, grown.adam, kNoViews).structure_changed);
+    EXPECT_TRUE(other.step(1000, grown.screen, grown.g, grown.adam, kNoViews));
     EXPECT_EQ(parents_of(other), (std::vector<int>{0, 1, 1}));
 }
 
@@ -377,10 +376,10 @@ TEST(Densify, ScheduleOf15000Iterations) {
     std::vector<int> changes, resets, trims;
     for (int step = 1; step <= 15000; ++step) {
         bool observed = false;
-        const auto event = densifier.step(step, model.screen, model.g, model.adam,
-                                          [&](const auto&) { observed = true; });
-        if (event.structure_changed) changes.push_back(step);
-        if (event.opacity_reset) resets.push_back(step);
+        const bool changed = densifier.step(step, model.screen, model.g, model.adam,
+                                            [&](const auto&) { observed = true; });
+        if (changed) changes.push_back(step);
+        if (densifier.resets_opacity(step)) resets.push_back(step);
         if (observed) trims.push_back(step);
     }
     ASSERT_EQ(changes.size(), 144u);
@@ -394,8 +393,8 @@ TEST(Densify, ScheduleOf15000Iterations) {
     o.enabled = false;
     Densifier<Cpu> disabled(o, 1, 0);
     for (int step : {600, 1000, 3000}) {
-        const auto event = disabled.step(step, model.screen, model.g, model.adam, kNoViews);
-        EXPECT_FALSE(event.structure_changed || event.opacity_reset) << step;
+        const bool changed = disabled.step(step, model.screen, model.g, model.adam, kNoViews);
+        EXPECT_FALSE(changed || disabled.resets_opacity(step)) << step;
     }
 }
 

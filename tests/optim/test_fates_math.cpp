@@ -1,9 +1,9 @@
 // Formulas of FatesGS' losses: pairs, patches, points in other views, descriptors.
 #include <set>
 
-#include "optim/losses/depth_order_math.h"
+#include "optim/losses/depth_prior_math.h"
 #include "optim/losses/feature_math.h"
-#include "optim/photo/edge_strength.h"
+#include "optim/views/device_view.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

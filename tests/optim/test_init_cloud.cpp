@@ -7,7 +7,6 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "optim/growth/fixed_voters.h"
 #include "optim/growth/init_cloud.h"
 #include "support/random_gaussians.h"
 

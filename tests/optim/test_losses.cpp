@@ -356,8 +356,8 @@ TEST(LossList, WeightsChooseTheTerms) {
 TEST(LossList, HasATermForAllOptions) {
     LossOptions options;
     std::vector<std::string> keys;
-    LossOptions::terms(options, [&]<class Entry>(auto& term) {
-        keys.push_back(Entry::kKey);
+    LossOptions::terms(options, [&](auto, const char* key, auto& term, auto) {
+        keys.push_back(key);
         term.weight = 1;
     });
     const auto list = terms_on_list(options);

@@ -319,8 +319,7 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
         resize(objective.dL_dgaussians, g.size(), 0);
         fill_zero(objective.dL_dgaussians);
         for (std::size_t i = 0; i < losses.size(); ++i)
-            losses[i]->add_to(objective, objective.values.data() + i,
-                              {g, images, view, field, {}, step, &others});
+            losses[i]->add_to(objective, {g, images, view, field, {}, step, &others});
         backbone->backward(g, objective.dL_dimages, objective.dL_dgaussians);
         others.backward(g, objective.dL_dgaussians);
         adam.step(step, 1, 0, objective.dL_dgaussians, g, true);

@@ -182,7 +182,7 @@ TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
         Objective<Cpu> objective;
         DeviceView<Cpu> here;
         for (int step = 1; step < 3000; ++step) {
-            const int view = sampler.next();
+            const int view = sampler.view(step);
             EXPECT_EQ(loss.active(step), step >= 1000);
             const bool first = step >= 1000 && rounds.insert({view, step / 500}).second;
             ASSERT_EQ(loss.due(step, view), first) << step;
@@ -194,7 +194,7 @@ TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
             }
             // Without a prior no target is made; still the view is not due again.
             here.index = view;
-            loss.add_to(objective, nullptr, {gaussians, images, here, field, {}, step});
+            loss.add_to(objective, {gaussians, images, here, field, {}, step});
             EXPECT_FALSE(loss.due(step, view));
         }
         if (views <= 20) {

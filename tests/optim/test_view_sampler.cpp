@@ -14,9 +14,10 @@ TEST(ViewSampler, EveryViewOncePerRoundInChangingOrder) {
     for (int round = 0; round < 20; ++round) {
         std::vector<int> order;
         for (int i = 0; i < 7; ++i) {
-            order.push_back(sampler.next());
-            EXPECT_EQ(same.next(), order.back());
-            differs |= other.next() != order.back();
+            const int iteration = 7 * round + i + 1;
+            order.push_back(sampler.view(iteration));
+            EXPECT_EQ(same.view(iteration), order.back());
+            differs |= other.view(iteration) != order.back();
         }
         EXPECT_EQ(std::set<int>(order.begin(), order.end()).size(), 7u) << "round " << round;
         EXPECT_GE(*std::min_element(order.begin(), order.end()), 0);
@@ -32,7 +33,7 @@ TEST(ViewSampler, EveryViewIsFirstEquallyOften) {
     int first[5] = {};
     for (int round = 0; round < 2000; ++round)
         for (int i = 0; i < 5; ++i) {
-            const int view = sampler.next();
+            const int view = sampler.view(5 * round + i + 1);
             if (i == 0) ++first[view];
         }
     for (int count : first) EXPECT_NEAR(count, 400, 90);  // five standard deviations of 18

@@ -233,7 +233,7 @@ TEST(DeviceViews, MasksAndGreysAreThoseThatAreAlwaysThere) {
         if (i == 2) views[i].grey = noise(2 * width, 24, 1, 99);
     }
     LossNeeds needs;
-    needs.grey = true, needs.view_maps.add("mask");
+    needs.grey = true, needs.view_maps.insert("mask");
     DeviceViews<Cpu> all(views, needs, 0), some(views, needs, 1);
     ASSERT_TRUE(all.all_resident());
     ASSERT_FALSE(some.all_resident());

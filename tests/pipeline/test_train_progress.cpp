@@ -13,7 +13,7 @@ TEST(TrainingPhases, AreThoseThatTakeLonger) {
     TrainOptions options;
     options.iterations = 1000;
     options.tv.enabled = false;
-    LossOptions::terms(options.loss, []<class>(auto& term) { term.weight = 0; });
+    LossOptions::terms(options.loss, [](auto, auto, auto& term, auto) { term.weight = 0; });
     options.loss.photometric.weight = 1, options.loss.photometric.exposure_start = 500;
     EXPECT_TRUE(phases_of(options).empty());
     options.loss.normal = {0.1f, 700};

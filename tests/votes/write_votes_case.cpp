@@ -31,11 +31,11 @@ double evaluate(const Gaussians<Cpu>& gaussians,
     resize(objective.dL_dgaussians, gaussians.size(), 0);
     fill_zero(objective.dL_dgaussians);
     objective.partial.resize(kSumBlocks), objective.count.resize(1);
-    double value = 0;
+    copy(std::vector<double>{0}, objective.values);
     TvLoss<Cpu, kPosition>({1, 1}, context)
-        .add_to(objective, &value, {gaussians, {}, {}, field, radii_px, 1});
+        .add_to(objective, {gaussians, {}, {}, field, radii_px, 1});
     dL = std::move(objective.dL_dgaussians);
-    return value;
+    return objective.values[0];
 }
 
 void write_losses(const Cloud& splats, const FieldOnHost& on_host) {

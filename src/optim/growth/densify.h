@@ -3,13 +3,11 @@
 #pragma once
 
 #include <algorithm>
-#include <functional>
 
 #include "core/device/parallel.h"
 #include "core/device/scan.h"
 #include "core/options.h"
 #include "optim/growth/densify_bodies.h"
-#include "optim/growth/growth_rules.h"
 #include "optim/growth/splat_order.h"
 #include "optim/optimiser/adam.h"
 #include "render/backbone.h"
@@ -54,8 +52,7 @@ struct DensifyOptions {
         field("prune_large_after", prune_large_after, {0, 1e9},
               "last iteration without that pruning");
         field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
-              "mean absolute screen gradient above which a splat wider than 20 px is split, rule "
-              "thresholds");
+              "mean absolute screen gradient that splits splats wider than 20 px, rule thresholds");
         field("max_abs_split", max_abs_split, {0, 1e9},
               "most splats split by abs_gradient_threshold at once; 0: none");
         field("trim_min_views", trim_min_views, {0, 1e6},
@@ -78,41 +75,34 @@ public:
     Densifier(const DensifyOptions& options, float extent, std::uint64_t seed)
         : options_(options), extent_(extent), seed_(seed) {}
 
-    /// Sets the open share of each splat, [N], see open_shares(); used where growth leaves out
-    /// covered areas.
+    /// Sets the open share of each splat, [N], see open_shares().
     void set_open(const std::vector<float>& open) { copy(open, open_); }
 
-    /// Events of a step.
-    struct Event {
-        bool structure_changed = false;  // parents() is valid
-        bool opacity_reset = false;
-    };
-
-    /// Adds the statistics of the last render. When due, grows, prunes, trims and resets; `observe`
-    /// renders the training views and calls its argument with the statistics of each.
-    /// [docs/method/pgsr.md#growth]
+    /// Adds the statistics of the last render; grows, prunes, trims and resets when due. `observe`
+    /// calls its argument with the statistics of each training view. Returns whether the structure
+    /// changed; then parents() is valid. [docs/method/pgsr.md#growth]
     template <class Observe>
-    Event step(int step,
-               const ScreenStatistics<Device>& screen,
-               Gaussians<Device>& g,
-               Adam<Device>& adam,
-               const Observe& observe) {
-        Event event;
-        if (!acts(step)) return event;
+    bool step(int step,
+              const ScreenStatistics<Device>& screen,
+              Gaussians<Device>& g,
+              Adam<Device>& adam,
+              const Observe& observe) {
+        if (!acts(step)) return false;
+        bool changed = false;
         count_view(screen, g.means.size());
         if (grows(step)) {
             grow_and_prune(step, g);
-            event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
+            changed = rebuild(static_cast<std::uint32_t>(step), g, adam);
         }
         if (trims(step)) {
             trim(g, observe);
             Buffer<int, Device> before;
-            if (event.structure_changed) before.swap(parents_);
+            if (changed) before.swap(parents_);
             const bool trimmed = rebuild(static_cast<std::uint32_t>(step), g, adam);
-            if (event.structure_changed) chain_parents(before, trimmed);
-            event.structure_changed |= trimmed;
+            if (changed) chain_parents(before, trimmed);
+            changed |= trimmed;
         }
-        if (resets_opacity(step)) {
+        if (resets_opacity(step))
             parallel_for(
                 Device{}, g.size(),
                 ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
@@ -120,9 +110,7 @@ public:
                                  weights(), g.opacity_logits.span(),
                                  adam.first_moments().opacity_logits.span(),
                                  adam.second_moments().opacity_logits.span()});
-            event.opacity_reset = true;
-        }
-        return event;
+        return changed;
     }
 
     /// Whether step() may add, remove or reorder splats at this step.
@@ -172,14 +160,16 @@ private:
     void grow_and_prune(int step, const Gaussians<Device>& g) {
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
-        propose_growth<Device>(
-            options_.rule,
-            {statistics_, g.log_scales.span(), options_.gradient_threshold,
-             options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
-             options_.percent_dense * extent_},
-            growth_.span(), score_.span());
-        apply_quotas(g.size());
         const float infinite = 3e38f;
+        const float abs_threshold = options_.rule == GrowthRule::quantile
+                                        ? abs_quantile(statistics_, options_.gradient_threshold)
+                                    : options_.max_abs_split > 0 ? options_.abs_gradient_threshold
+                                                                 : infinite;
+        parallel_for(Device{}, g.size(),
+                     ProposeBody{options_.rule, statistics_.span(), g.log_scales.span(),
+                                 options_.gradient_threshold, abs_threshold,
+                                 options_.percent_dense * extent_, growth_.span(), score_.span()});
+        apply_quotas(g.size());
         parallel_for(
             Device{}, g.size(),
             CountBody{growth_.span(), g.log_scales.span(), g.opacity_logits.span(),
@@ -246,7 +236,7 @@ private:
                      SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(),
                                 is_new_.span(), child_of_split_.span()});
         // 1. The new geometry, which determines the place of each splat in memory.
-        gather_shapes(parents_.span(), {}, g);
+        gather_arrays(true, parents_.span(), {}, g);
         parallel_for(
             Device{}, total,
             ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
@@ -254,31 +244,20 @@ private:
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
         // 2. Move all arrays to their new places, with all inherited values.
         morton_order(g.means.span(), first_);
-        gather_shapes(first_.span(), {}, g);
+        gather_arrays(true, first_.span(), {}, g);
         gather(first_.span(), {}, parents_, counts_);
         gather(first_.span(), {}, is_new_, child_of_split_);
-        gather_rest({}, g);
+        gather_arrays(false, parents_.span(), {}, g);
         if (!open_.empty()) gather(parents_.span(), {}, open_, scratch1_);
+        // The moments move with their splats; those of new splats start with 0.
         for (Gaussians<Device>* moments : {&adam.first_moments(), &adam.second_moments()})
-            inherit(*moments);
+            for (const bool shapes : {true, false})
+                gather_arrays(shapes, parents_.span(), is_new_.span(), *moments);
         statistics_.resize(0);
         return true;
     }
 
-    /// Moves the moments with their splats; new splats start with 0.
-    void inherit(Gaussians<Device>& moments) {
-        gather_shapes(parents_.span(), is_new_.span(), moments);
-        gather_rest(is_new_.span(), moments);
-    }
-
-    void gather_shapes(Span<const int> from,
-                       Span<const std::uint8_t> cleared,
-                       Gaussians<Device>& g) {
-        gather_arrays(true, from, cleared, g);
-    }
-    void gather_rest(Span<const std::uint8_t> cleared, Gaussians<Device>& g) {
-        gather_arrays(false, parents_.span(), cleared, g);
-    }
+    /// Gathers the arrays of shapes, or all others; see gather().
     void gather_arrays(bool shapes,
                        Span<const int> from,
                        Span<const std::uint8_t> cleared,
@@ -292,9 +271,8 @@ private:
             g);
     }
 
-    /// One scratch buffer per type, as gather() swaps it with the array that it moves. The SH
-    /// coefficients have their own scratch; else small arrays would end up in buffers of their
-    /// size.
+    /// Scratch per type, as gather() swaps it with the array. SH coefficients have their own; else
+    /// small arrays would end up in buffers of their size.
     auto& scratch_of(const SplatArray& array, const Buffer<Vec3f, Device>&) {
         return array.planes > 1 ? scratch_sh_ : scratch3_;
     }

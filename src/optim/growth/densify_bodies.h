@@ -1,16 +1,87 @@
-// Kernels of growing and pruning, see densify.h.
+// Rules and kernels of growing and pruning, see densify.h.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
-#include "core/device/parallel.h"
+#include "core/math/quantile.h"
 #include "core/math/rng.h"
 #include "core/math/smoothing_filter.h"
 #include "core/scene/gaussians.h"
-#include "optim/growth/growth_rules.h"
 
 namespace tvsgs {
+
+/// Running sums that growth rules read.
+struct GrowthStatistics {
+    float gradient, abs_gradient, views, max_radius_px;
+
+    TVSGS_HD float mean_gradient() const { return views > 0 ? gradient / views : 0; }
+    TVSGS_HD float mean_abs_gradient() const { return views > 0 ? abs_gradient / views : 0; }
+};
+
+enum class Growth : std::uint8_t { none, clone, split, abs_split };
+
+TVSGS_HD inline float largest_scale(Vec3f log_scales) {
+    const Vec3f l = log_scales;
+    return std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
+}
+
+enum class GrowthRule { thresholds, quantile };
+
+/// Proposes the growth of each splat: a mean screen gradient above a threshold clones small splats
+/// and splits large ones. By `thresholds`, large ones also split by their mean absolute gradient.
+/// By `quantile`, splats of either size also grow by it; splats without a gradient never grow.
+/// [docs/method/pgsr.md#growth, docs/method/rade.md#growth]
+struct ProposeBody {
+    // Radius on the screen above which a splat splits by its absolute gradient.  [PGSR]
+    static constexpr float kAbsRadiusPx = 20;
+
+    GrowthRule rule;
+    Span<const GrowthStatistics> statistics;
+    Span<const Vec3f> log_scales;
+    float gradient_threshold, abs_threshold;  // per NDC unit
+    float size_threshold;                     // of the largest scale, world units
+    Span<Growth> growth;                      // overwritten
+    Span<float> score;                        // overwritten; quotas rank splats by it
+
+    TVSGS_HD void operator()(int i) const {
+        const GrowthStatistics& s = statistics[i];
+        const float gradient = s.mean_gradient(), abs = s.mean_abs_gradient();
+        const bool large = largest_scale(log_scales[i]) > size_threshold,
+                   by_abs = abs >= abs_threshold,
+                   grows = gradient >= gradient_threshold ||
+                           (rule == GrowthRule::quantile && abs > 0 && by_abs),
+                   abs_splits = !grows && rule == GrowthRule::thresholds && large &&
+                                s.max_radius_px > kAbsRadiusPx && by_abs;
+        growth[i] = grows        ? (large ? Growth::split : Growth::clone)
+                    : abs_splits ? Growth::abs_split
+                                 : Growth::none;
+        score[i] = grows ? gradient : abs_splits ? abs : 0;
+    }
+};
+
+/// `abs_threshold` of the rule `quantile`: with rho N splats above the threshold of the gradient,
+/// at most rho N more grow, except for ties. Found on the host: growth is rare, and both devices
+/// get the same result.
+template <class Device>
+float abs_quantile(const Buffer<GrowthStatistics, Device>& statistics, float gradient_threshold) {
+    std::vector<float> abs;
+    std::int64_t above = 0;
+    for (const GrowthStatistics& s : to_host(statistics)) {
+        abs.push_back(s.mean_abs_gradient());
+        above += s.mean_gradient() >= gradient_threshold;
+    }
+    const double share =
+        abs.empty() ? 0 : static_cast<double>(above) / static_cast<double>(abs.size());
+    return quantile(abs, 1 - share);
+}
+
+/// Contribution of one view to GrowthStatistics::abs_gradient. `sums`: per component, the sum of
+/// absolute values over its pixels.
+TVSGS_HD inline float abs_gradient_of_view(GrowthRule rule, Vec2f sums) {
+    return rule == GrowthRule::quantile ? sums.x + sums.y : std::sqrt(dot(sums, sums));
+}
 
 /// Weight of growth per splat, 0 to 1. [docs/guide/plan.md#growth-in-gaps]
 struct GrowthWeights {

@@ -1,7 +1,11 @@
-#include "optim/growth/fixed_splats_impl.h"
+#include "optim/growth/fixed_splats.h"
+
+#include "core/device/parallel.h"
 
 namespace tvsgs {
 
-template class FixedSplats<Cpu>;
+void add_numbers(Cpu, int count, const AddNumbersBody& body) {
+    parallel_for(Cpu{}, count, body);
+}
 
 }  // namespace tvsgs

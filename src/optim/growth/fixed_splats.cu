@@ -1,7 +1,10 @@
-#include "optim/growth/fixed_splats_impl.h"
+#include "core/device/parallel.h"
+#include "optim/growth/fixed_splats.h"
 
 namespace tvsgs {
 
-template class FixedSplats<Cuda>;
+void add_numbers(Cuda, int count, const AddNumbersBody& body) {
+    parallel_for(Cuda{}, count, body);
+}
 
 }  // namespace tvsgs

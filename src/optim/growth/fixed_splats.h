@@ -1,10 +1,10 @@
-// Splats of another training that are rendered with the trained ones (init.fixed_splats). They
-// explain the surroundings of a block, so that no splats grow there. They take no step, vote or
-// loss, do not grow, and are not saved.
+// Splats of another training, rendered with the trained ones (init.fixed_splats), so that none grow
+// in the surroundings of a block. They take no step, vote or loss, and are not saved.
 #pragma once
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 
 #include "core/scene/gaussians.h"
 
@@ -23,6 +23,14 @@ inline Gaussians<Cpu> with_sh_degree(const Gaussians<Cpu>& splats, int degree) {
     return out;
 }
 
+struct AddNumbersBody {
+    const float* from;
+    float* to;
+    TVSGS_HD void operator()(int i) const { to[i] += from[i]; }
+};
+void add_numbers(Cpu, int count, const AddNumbersBody& body);
+void add_numbers(Cuda, int count, const AddNumbersBody& body);
+
 template <class Device>
 class FixedSplats {
 public:
@@ -36,7 +44,28 @@ public:
     /// Returns the trained splats followed by the fixed ones; `trained` itself where none are
     /// fixed. Valid until the next call. The fixed splats' shapes already include their smoothing
     /// filter, so their filter is 0.
-    const Gaussians<Device>& join(const Gaussians<Device>& trained);
+    const Gaussians<Device>& join(const Gaussians<Device>& trained) {
+        if (none()) return trained;
+        const int n = trained.size(), extra = fixed_.size();
+        const bool changed = joined_.size() != n + extra;
+        // resize() leaves empty optional arrays empty.
+        for_each_array(
+            [](const SplatArray& array, const auto& from, auto& to) {
+                if (array.optional && !from.empty() && to.empty()) to.resize(1);
+            },
+            trained, joined_);
+        resize(joined_, n + extra, trained.sh_degree);
+        for_each_array(
+            [&](const SplatArray& array, const auto& from, const auto& fixed, auto& to) {
+                if (from.empty()) return;
+                if (changed && fixed.empty()) to.fill_zero();
+                copy_planes(from, n, to, n + extra, 0, array.planes);
+                if (changed && !fixed.empty())
+                    copy_planes(fixed, extra, to, n + extra, n, array.planes);
+            },
+            trained, std::as_const(fixed_), joined_);
+        return joined_;
+    }
 
     /// Returns zeroed gradients in the shape of join()'s result.
     Gaussians<Device>& clear_gradients() {
@@ -46,9 +75,34 @@ public:
     }
 
     /// Adds the gradients of the trained splats to `dL_dtrained`.
-    void add_trained_part(Gaussians<Device>& dL_dtrained) const;
+    void add_trained_part(Gaussians<Device>& dL_dtrained) const {
+        const int n = dL_dtrained.size(), all = gradients_.size();
+        for_each_array(
+            [&]<class T>(const SplatArray& array, const Buffer<T, Device>& from,
+                         Buffer<T, Device>& to) {
+                constexpr int kWidth = sizeof(T) / sizeof(float);
+                for (int p = 0; p < array.planes && !to.empty(); ++p)
+                    add_numbers(Device{}, n * kWidth,
+                                {reinterpret_cast<const float*>(from.data() + std::size_t(p) * all),
+                                 reinterpret_cast<float*>(to.data() + std::size_t(p) * n)});
+            },
+            gradients_, dL_dtrained);
+    }
 
 private:
+    /// Copies n splats to splat `first` of `all`; SH arrays have a plane per coefficient.
+    template <class T>
+    static void copy_planes(const Buffer<T, Device>& from,
+                            int n,
+                            Buffer<T, Device>& to,
+                            int all,
+                            int first,
+                            int planes) {
+        for (std::size_t p = 0; p < std::size_t(planes); ++p)
+            detail::copy(Device{}, from.data() + p * n, Device{}, to.data() + p * all + first,
+                         std::size_t(n) * sizeof(T));
+    }
+
     Gaussians<Device> fixed_, joined_, gradients_;
 };
 

@@ -45,8 +45,7 @@ float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
     return largest;
 }
 
-/// Tells quickly whether largest_scale() may be less than a scale. Only cameras near the point can
-/// limit it, so most of thousands of cameras are skipped.
+/// Tells quickly whether largest_scale() may be less than a scale: only near cameras limit it.
 class NearCameras {
 public:
     NearCameras(const std::vector<View>& views, float share)

@@ -37,32 +37,28 @@ struct InitOptions {
         field("gap_px", gap_px, {0, 100},
               "pixels between the points that fill the gaps of a stereo cloud; 0: none");
         field("max_extent", max_extent, {0, 1e9},
-              "largest standard deviation at the start, as a share of the longer side of a "
-              "photograph that shows it; 0: no limit");
+              "largest standard deviation at the start, in longer sides of a photograph; 0: no "
+              "limit");
         field("thin", thin, {0, 1e9},
               "keep one point of scene.init_ply per cube of this edge, world units; 0: all");
         field("max_points", max_points, {0, 1e9},
               "most points of scene.init_ply or stereo, thinned to it; 0: all");
         field("min_in_frame", min_in_frame, {0, 1},
-              "share of the points of scene.init_ply that two training views must see, else an "
-              "error; 0: no check");
+              "least share of scene.init_ply that two training views see; 0: no check");
         field("fixed_splats", fixed_splats,
-              "file of fixed splats, in the frame of the scene, drawn with the trained ones and "
-              "not saved with the run; empty: none");
+              "file of fixed splats in the frame of the scene, drawn but not saved; empty: none");
         field("force", force,
-              "train from fewer than 100 start points, or from points that cover less than 1 % of "
-              "the photographs");
+              "train from fewer than 100 start points, or on less than 1 % of the photographs");
     }
 };
 
 /// Makes one isotropic Gaussian per point. Its standard deviation is the root mean square distance
-/// to the three nearest other points, at least 1e-3.5 guard units; its rotation is the identity or
-/// random; its base colour is the point's. With normals (and use_normals) the third axis is the
-/// normal and a tenth as long. With `support`, points with a confidence above 0 get that distance
-/// as their uncertainty, the others 0. No standard deviation exceeds `max_extent` of a photograph:
-/// else a single point near a camera would cover the view. Drops points within 1e-2 guard units of
-/// a training camera, where directions and projections are ill-defined. Throws
-/// Error(ExitCode::input) when no point remains.
+/// to the three nearest other points, at least 1e-3.5 guard units, and at most `max_extent` of a
+/// photograph: else a point near a camera would cover the view. With normals (and use_normals) the
+/// third axis is the normal and a tenth as long. With `support`, points with a confidence above 0
+/// get that distance as their uncertainty, the others 0. Drops points within 1e-2 guard units of a
+/// training camera, where projections are ill-defined. Throws Error(ExitCode::input) when no point
+/// remains.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);
 
 /// Median depth of the initial points in front of the training cameras; 0 if there are none.

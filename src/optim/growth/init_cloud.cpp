@@ -8,6 +8,8 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/math/eigen.h"
+#include "core/math/point_tree.h"
 
 namespace tvsgs {
 namespace {
@@ -52,6 +54,25 @@ float extent(const std::vector<Vec3f>& points) {
         for (int axis = 0; axis < 3; ++axis)
             low[axis] = std::min(low[axis], p[axis]), high[axis] = std::max(high[axis], p[axis]);
     return norm(high - low);
+}
+
+/// Normal of the plane through point i and the points nearest to it.
+Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree<float>& tree, std::size_t i) {
+    constexpr std::size_t kPoints = 13;
+    std::size_t index[kPoints];
+    float squared[kPoints];
+    const std::size_t found =
+        tree.nearest(points[i], std::min(kPoints, points.size()), index, squared);
+    Vec3<double> mean;
+    for (std::size_t j = 0; j < found; ++j) mean += vec_cast<double>(points[index[j]]);
+    mean = mean / static_cast<double>(found);
+    Sym3<double> scatter;
+    for (std::size_t j = 0; j < found; ++j) {
+        const Vec3<double> d = vec_cast<double>(points[index[j]]) - mean;
+        scatter.xx += d.x * d.x, scatter.xy += d.x * d.y, scatter.xz += d.x * d.z;
+        scatter.yy += d.y * d.y, scatter.yz += d.y * d.z, scatter.zz += d.z * d.z;
+    }
+    return vec_cast<float>(column(sym_eigen(scatter).vectors, 2));
 }
 
 }  // namespace
@@ -104,8 +125,7 @@ PointCloud thin_cloud(const PointCloud& cloud, float edge) {
 
 PointCloud thin_to_count(const PointCloud& cloud, std::size_t count) {
     if (cloud.positions.size() <= count) return cloud;
-    // The number of occupied cubes falls about as the square of the edge, as on a surface, so a
-    // bracket in logarithms narrows fast.
+    // On a surface the number of occupied cubes falls about as the square of the edge.
     const float size = extent(cloud.positions);
     double low = std::log(1e-6), high = 0;  // of edge / size: too many points, few enough
     double guess = std::log(0.5 / std::sqrt(static_cast<double>(count)));
@@ -192,6 +212,34 @@ PointCloud prepare_cloud(PointCloud cloud,
         spdlog::info("{}: thinned to {} of {} points", name, grouped(cloud.positions.size()),
                      grouped(given));
     return cloud;
+}
+
+FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options) {
+    const std::string& path = options.fixed_voters;
+    FixedVoters voters;
+    for (std::size_t i = 0; i < cloud.positions.size(); ++i) {
+        if (!is_finite(cloud.positions[i])) continue;
+        const float weight = cloud.confidences.empty() ? 1.0f : cloud.confidences[i];
+        if (!(weight >= 0 && weight < 1e30f))
+            throw Error(ExitCode::input, str(path, ": weight ", weight, " of point ", i,
+                                             "; expected a number of at least 0"));
+        voters.means.push_back(cloud.positions[i]);
+        voters.normals.push_back(cloud.normals.empty() ? Vec3f{} : cloud.normals[i]);
+        voters.weights.push_back(options.fixed_weight * weight);
+    }
+    if (voters.size() < 3)
+        throw Error(ExitCode::input,
+                    str(path, ": ", voters.size(),
+                        " usable points; measured points that vote need at least 3"));
+    for (const float squared : mean_squared_neighbour_distance(voters.means, 3))
+        voters.scales.push_back(std::sqrt(squared));
+    const PointTree<float> tree(voters.means);
+    parallel_for(Cpu{}, voters.size(), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (!(dot(voters.normals[at], voters.normals[at]) > 0.5f))
+            voters.normals[at] = plane_normal(voters.means, tree, at);
+    });
+    return voters;
 }
 
 }  // namespace tvsgs

@@ -1,8 +1,6 @@
 // Reorders the arrays of splats in memory.
 #pragma once
 
-#include <utility>
-
 #include "core/device/morton.h"
 #include "core/device/parallel.h"
 #include "core/scene/gaussians.h"

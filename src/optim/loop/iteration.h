@@ -1,5 +1,4 @@
 // One training iteration: renders a view, computes losses and gradients, and takes Adam's step.
-// Used by training and by its benchmark.
 #pragma once
 
 #include <memory>
@@ -14,8 +13,7 @@
 
 namespace tvsgs {
 
-/// Union of the needs of the terms that act at `step` on `view`. `has_others`: the view has
-/// neighbour views.
+/// Union of the needs of the terms that act at `step` on `view`, which may have neighbour views.
 template <class Device>
 LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                    int step,
@@ -71,9 +69,8 @@ public:
         objective_.count.resize(1);
     }
 
-    /// Returns the view of iteration `step` with its photograph on the device. `next_view()`
-    /// returns the view of the next iteration; its photographs are copied while the device works.
-    /// It is only called where the device does not hold all photographs.
+    /// Returns the view of iteration `step` with its photograph on the device. The photographs of
+    /// `next_view()`, the view of the next iteration, are copied while the device works.
     template <class NextView>
     const DeviceView<Device>& fetch(int step,
                                     int view,
@@ -91,10 +88,10 @@ public:
         return here;
     }
 
-    /// Renders the view, sums the losses, and propagates backward to gradients in memory, or to
-    /// sums over pixels where the backbone fuses the rest with Adam's step. Calls `watch(values)`
-    /// with the losses. Without `for_step` computes only the screen statistics. Terms that move
-    /// cameras add their derivatives by this camera to `by_camera`, unless it is empty.
+    /// Renders the view, sums the losses, passes them to `watch`, and propagates backward to
+    /// gradients in memory, or to sums over pixels where the backbone fuses the rest with Adam's
+    /// step. Without `for_step` computes only the screen statistics. `by_camera`: derivatives by
+    /// this camera are added; empty: none are.
     template <class Watch>
     void propagate(int step,
                    const DeviceView<Device>& view,
@@ -125,7 +122,8 @@ public:
             for (std::size_t i = 0; i < losses.size(); ++i) {
                 if (!losses[i]->active(step)) continue;
                 details(loss_stages_[i].c_str(), [&] {
-                    losses[i]->add_to(objective_, objective_.values.data() + i,
+                    objective_.term = static_cast<int>(i);
+                    losses[i]->add_to(objective_,
                                       {gaussians, images, view, field,
                                        backbone_->statistics().radii_px.span(), step, others});
                 });
@@ -195,9 +193,8 @@ public:
     }
 
     Backbone<Device>& backbone() { return *backbone_; }
-    NeighbourViews<Device>* others() {
-        return others_.get();
-    }  // null: no term uses neighbour views
+    /// Null: no term uses neighbour views.
+    NeighbourViews<Device>* others() { return others_.get(); }
     const Objective<Device>& objective() const { return objective_; }
 
     // Stage times, measured only when switched on: stages of a training, and their parts.

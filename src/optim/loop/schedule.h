@@ -27,9 +27,9 @@ void visit_schedule(Options& o, const Visit& visit) {
     visit("iterations", o.iterations, Counts::at);
     visit("model.sh_every", o.model.sh_every, Counts::between);
     visit("lr.position_max_steps", o.lr.position_max_steps, Counts::at);
-    LossOptions::terms(o.loss, [&]<class Entry>(auto& options) {
+    LossOptions::terms(o.loss, [&](auto, const char* term, auto& options, auto) {
         options.first_iterations(options, [&](const char* key, auto& number) {
-            visit(str("loss.", Entry::kKey, ".", key), number, Counts::at);
+            visit(str("loss.", term, ".", key), number, Counts::at);
         });
     });
     visit("cameras.start", o.cameras.start, Counts::at);
@@ -42,21 +42,25 @@ void visit_schedule(Options& o, const Visit& visit) {
     visit("tv.start", o.tv.start, Counts::at);
 }
 
-inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
+/// The numbers, in the order of visit_schedule().
+inline std::vector<int> schedule_numbers(const TrainOptions& options) {
     std::vector<int> numbers;
-    visit_schedule(from,
+    visit_schedule(options,
                    [&](const std::string&, int number, Counts) { numbers.push_back(number); });
+    return numbers;
+}
+
+inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
+    const std::vector<int> numbers = schedule_numbers(from);
     std::size_t next = 0;
     visit_schedule(to, [&](const std::string&, int& number, Counts) { number = numbers[next++]; });
 }
 
-/// Smallest intervals of a shortened training, in iterations, unless the original has shorter ones.
-/// Growth needs statistics of several views; new and reset splats need time to settle before the
-/// next growth, trim or reset, and before the end.
+/// Smallest intervals of a shortened training, in iterations, unless the original has shorter ones:
+/// growth needs statistics of several views, new and reset splats need time to settle.
 inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, kSettling = 1000;
 
-/// Switches growth off where the time is too short for it. Settling times change little for a
-/// training hardly shorter than `original`.
+/// Ends growth early enough for splats to settle; none is left where the time is too short.
 inline void keep_intervals(const TrainOptions& original, DensifyOptions& fitted, int iterations) {
     const auto at_least = [](int& number, int was, int least) {
         number = std::max(number, std::min(was, least));
@@ -69,14 +73,11 @@ inline void keep_intervals(const TrainOptions& original, DensifyOptions& fitted,
 }
 
 /// Gives `options` the schedule of `original` from its iteration `from` on, scaled to run from
-/// iteration `done` to `iterations`. Keeps numbers in `options` that lie before `from` in
-/// `original`, or that mean "from the start".
+/// iteration `done` to `iterations`. Numbers before `from` stay.
 inline void fit_schedule(
     const TrainOptions& original, double from, TrainOptions& options, int done, int iterations) {
     const double ratio = (iterations - done) / (original.iterations - from);
-    std::vector<int> numbers;
-    visit_schedule(original,
-                   [&](const std::string&, int number, Counts) { numbers.push_back(number); });
+    const std::vector<int> numbers = schedule_numbers(original);
     std::size_t next = 0;
     visit_schedule(options, [&](const std::string&, int& number, Counts counts) {
         const int was = numbers[next++];

@@ -25,9 +25,8 @@ public:
         return done - done_ >= kFewest || seconds - at_ > 0.05 * seconds_;
     }
 
-    /// Fits the remaining iterations into the remaining time, at the speed measured since the last
-    /// fit; never plans more iterations than the original schedule. Stretches the schedule again
-    /// where an earlier fit shortened it too much because the first iterations were slow.
+    /// Fits the remaining iterations into the remaining time, at the speed since the last fit; at
+    /// most as many as in the original schedule.
     void fit(int done, double seconds, TrainOptions& options) {
         const double speed = (done - done_) / std::max(seconds - at_, 1e-6);
         const double last = original_.iterations,

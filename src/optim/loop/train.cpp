@@ -56,8 +56,8 @@ void check_support(const TrainOptions& options, const BackboneTraits& backbone, 
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {
     std::vector<TermOnList> list;
-    LossOptions::terms(options, [&]<class Entry>(const auto& of) {
-        list.push_back({Entry::kKey, of.weight, typename Entry::template Term<Cpu>(of).needs()});
+    LossOptions::terms(options, [&]<class Class>(Class, const char* key, const auto& of, auto) {
+        list.push_back({key, of.weight, typename Class::template On<Cpu>(of).needs()});
     });
     list.insert(list.end(), added_terms().begin(), added_terms().end());
     return list;

@@ -55,8 +55,7 @@ struct TrainOptions {
         field("iterations", iterations, {0, 1e9}, "training iterations, one photograph each");
         field("seed", seed, {0, 9e15}, "seed of all random numbers");
         field("photo_bytes", photo_bytes, {0, 9e15},
-              "photographs to keep on the device, bytes; the others are copied from the host "
-              "during training; 0: all");
+              "photographs to keep on the device, bytes; others stay on the host; 0: all");
         field("backbone", backbone, "rasteriser: ewa, rade or surfel");
         field.group("model", model, "the Gaussians");
         field.group("render", render, "the rasteriser");
@@ -96,10 +95,9 @@ struct TrainCallbacks {
     bool profile = false;
     bool goes_on = false;  // the caller has trained before: do not log the setup again
 
-    /// save_due: called before each iteration; returns whether to save the state after `done`
-    /// iterations. on_save receives that state, and also the last state of a training that is
-    /// stopped or fails. The last iteration of a run differs from the others, so a longer run has
-    /// to resume from an earlier state.
+    /// save_due: whether to save the state after `done` iterations; called before each iteration.
+    /// on_save gets that state, also the last one of a training that is stopped or fails. The last
+    /// iteration of a run differs, so a longer run has to resume from an earlier state.
     std::function<bool(int done)> save_due;
     std::function<void(int done, const SharedState& state)> on_save;
 
@@ -132,12 +130,11 @@ Gaussians<Device> train(const Scene& scene,
                         const AfterStep<Device>& after_step = {},
                         SharedState start = nullptr);
 
-/// Throws Error(ExitCode::usage) when poses are to be refined but the rasteriser or the terms have
-/// no derivatives by them. train() calls it.
+/// Throws Error(ExitCode::usage) when poses are to be refined without derivatives by them.
 void check_cameras(const TrainOptions& options, bool has_camera_gradient);
 
 /// Throws Error(ExitCode::usage) when options of supported splats do not fit the rasteriser or each
-/// other. `before_plan`: the plan may still set init.support. train() calls it.
+/// other. `before_plan`: the plan may still set init.support.
 void check_support(const TrainOptions& options,
                    const BackboneTraits& backbone,
                    bool before_plan = false);
@@ -145,9 +142,7 @@ void check_support(const TrainOptions& options,
 /// Number of iterations that a saved state has done.
 int iterations_done(const State& state);
 
-/// Throws Error(ExitCode::usage) when a training with these options cannot resume from that state:
-/// the SH degree differs, the state refines poses and the options do not, or growth needs open
-/// shares (see open_shares()) that the state lacks. train() calls it.
+/// Throws Error(ExitCode::usage) when a training with these options cannot resume from that state.
 void check_start(const State& start, const TrainOptions& options);
 
 }  // namespace tvsgs

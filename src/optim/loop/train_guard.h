@@ -51,21 +51,11 @@ GroupFloats group_floats(Gaussians<Device>& g, ParameterGroup group) {
                 width};
     };
     const int dc = 3 * g.size();
-    switch (group) {
-        case ParameterGroup::means:
-            return all(g.means);
-        case ParameterGroup::scales:
-            return all(g.log_scales);
-        case ParameterGroup::rotations:
-            return all(g.quats);
-        case ParameterGroup::opacities:
-            return all(g.opacity_logits);
-        case ParameterGroup::sh_dc:
-            return {all(g.sh).begin, dc, 3};
-        case ParameterGroup::sh_rest:
-            break;
-    }
-    return {all(g.sh).begin + dc, all(g.sh).count - dc, 3};
+    const GroupFloats sh = all(g.sh);
+    const GroupFloats groups[] = {all(g.means),      all(g.log_scales),
+                                  all(g.quats),      all(g.opacity_logits),
+                                  {sh.begin, dc, 3}, {sh.begin + dc, sh.count - dc, 3}};
+    return groups[static_cast<int>(group)];
 }
 
 /// Name of a parameter group in messages; rate_key() gives the key of its learning rate.
@@ -88,13 +78,10 @@ struct InjectedFault {
     int splat = 0, times = 1;
 };
 
+template <class Real>
 struct SpoilBody {
-    float* value;
-    TVSGS_HD void operator()(int) const { *value = NAN; }
-};
-struct SpoilTermBody {
-    double* value;
-    TVSGS_HD void operator()(int) const { *value = static_cast<double>(NAN); }
+    Real* value;
+    TVSGS_HD void operator()(int) const { *value = static_cast<Real>(NAN); }
 };
 
 /// A fault in words, with the parameter groups at fault; no group: only the loss is not finite.
@@ -122,8 +109,8 @@ public:
         parallel_for(Device{}, 1, WatchLossBody{values, step, view, fault_.data()});
     }
 
-    /// Pointer to device memory; not 0 from the first loss on that is not finite. Steps must then
-    /// leave the splats unchanged, so that check() still finds the numbers that caused it.
+    /// In device memory; not 0 from the first loss on that is not finite. Steps must then leave the
+    /// splats unchanged, so that check() still finds the cause.
     const int* halted() const { return &fault_.data()->step; }
 
     /// Waits for the device. `step`: step of this check, for the message.

@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "core/math/rng.h"
-#include "optim/growth/fixed_voters.h"
+#include "optim/growth/init_cloud.h"
 #include "optim/loop/iteration.h"
 #include "optim/loop/train.h"
 #include "optim/views/matchable.h"
@@ -29,8 +29,6 @@ public:
         return order_[static_cast<std::size_t>((iteration - 1) % views)];
     }
 
-    int next() { return view(++drawn_); }
-
 private:
     void shuffle(std::uint32_t round) {
         for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
@@ -44,14 +42,13 @@ private:
 
     std::vector<int> order_;
     std::uint64_t seed_;
-    int round_ = -1, drawn_ = 0;
+    int round_ = -1;
 };
 
 /// Makes the terms of the objective for a scene.
 template <class Device>
 auto make_terms(const Scene& scene, const TrainOptions& o) {
-    // A third of the depth: close to 1 on DTU as normalised by PGSR's authors, where the published
-    // weights come from.
+    // Close to 1 on DTU as normalised by PGSR's authors, where the published weights come from.
     const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
     return make_losses<Device>(o.loss,
                                {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()),
@@ -218,7 +215,7 @@ public:
 
     void watch(int step, int view, Span<double> values) {
         if (injected_.term >= 0 && injects_at(step))
-            parallel_for(Device{}, 1, SpoilTermBody{values.data + injected_.term});
+            parallel_for(Device{}, 1, SpoilBody<double>{values.data + injected_.term});
         guard_.watch(step, view, values);
     }
 
@@ -227,18 +224,18 @@ public:
     /// Grows, trims and resets splats when due, and notifies the voter and the rasteriser.
     void grow(int step, Iteration<Device>& iteration) {
         TrainState<Device>& s = *state_;
-        const auto event = s.densifier.step(
+        const bool changed = s.densifier.step(
             step, iteration.backbone().statistics(), s.gaussians, s.adam,
             [&](const auto& count_views) { iteration.observe(s.gaussians, count_views); });
-        if (event.structure_changed) s.voter.structure_changed(s.densifier.parents(), s.field);
-        iteration.prepare(step, event.structure_changed, s.gaussians);
+        if (changed) s.voter.structure_changed(s.densifier.parents(), s.field);
+        iteration.prepare(step, changed, s.gaussians);
     }
 
     void step_done(int step) {
         state_->done = step;
         if (!injected_.group || !injects_at(step)) return;
         const GroupFloats floats = group_floats(state_->gaussians, *injected_.group);
-        parallel_for(Device{}, 1, SpoilBody{floats.begin + injected_.splat * floats.width});
+        parallel_for(Device{}, 1, SpoilBody<float>{floats.begin + injected_.splat * floats.width});
     }
 
     /// Returns true when all parameters are finite; else rolls back to iteration state().done.
@@ -294,8 +291,7 @@ private:
 
     bool injects_at(int step) { return step == injected_.step && injected_.times-- > 0; }
 
-    /// First time: restores the last good state and lowers the rates of the faulty groups, or of
-    /// all groups if none is known. Second time: throws.
+    /// Restores the last good state and lowers the rates of the faulty groups, or of all; once.
     void roll_back(const Fault& fault) {
         restart();
         const int back = state_->done;

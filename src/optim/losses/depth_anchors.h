@@ -2,7 +2,6 @@
 // [docs/method/vggs.md#anchored-depth]
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -16,9 +15,8 @@ inline constexpr float kAnchorConfidence = 0.2f;
 /// Fewer anchors give no fit.
 inline constexpr std::size_t kLeastAnchors = 6;
 
-/// Chooses anchors: of the 30 pixels with the largest confidence the first 15, and 5 of the others
-/// far from each other. `confidence` [height width] is 0 where unknown. Pixels of equal confidence
-/// are ordered by index. Returns none for fewer than 30 pixels.
+/// Of the 30 pixels with the largest confidence the first 15, and 5 of the others far from each
+/// other; none for fewer than 30. `confidence` [height width] is 0 where unknown; ties by index.
 std::vector<int> choose_anchors(int width, const std::vector<float>& confidence);
 
 /// depth ~ slope * prior + offset, in double.
@@ -31,9 +29,8 @@ struct AffineFit {
 std::optional<AffineFit> fit_affine(const std::vector<double>& prior,
                                     const std::vector<double>& depth);
 
-/// The fit with its tolerances. `max_gap` is the largest error at an anchor: a render farther off
-/// is rejected. `correction` is the mean error of the `nearest` smallest anchors; it is added where
-/// a render is rejected.
+/// The fit with its tolerances: the largest error at an anchor, and the mean of the `nearest`
+/// smallest errors as the correction.
 DepthAlignment<double> align(const AffineFit& fit,
                              const std::vector<double>& prior,
                              const std::vector<double>& depth,

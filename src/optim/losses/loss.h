@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "core/device/parallel.h"
+#include "core/error.h"
 #include "core/options.h"
+#include "core/scene/prior_maps.h"
 #include "core/scene/state.h"
 #include "optim/views/device_view.h"
 #include "optim/views/neighbour_views.h"
@@ -18,14 +20,35 @@
 
 namespace tvsgs {
 
+/// Reads the terms of a sum from an array.
+struct ReadValue {
+    Span<const float> values;
+    TVSGS_HD float operator()(int i) const { return values[i]; }
+};
+
 /// Sum of the terms and its derivatives.
 template <class Device>
 struct Objective {
     ImageGradients<Device> dL_dimages;
     Gaussians<Device> dL_dgaussians;
     Buffer<double, Device> values;   // [terms] weighted
+    int term = 0;                    // the one that adds now
     Buffer<double, Device> partial;  // scratch of add_sum
     Buffer<double, Device> count;    // [1] scratch: divisor of a mean
+
+    /// Of the current term, in device memory.
+    double* value() { return values.data() + term; }
+    /// Adds the sum of the numbers to the value.
+    void add(const Buffer<float, Device>& numbers) {
+        add_sum(Device{}, static_cast<int>(numbers.size()), ReadValue{numbers.span()}, 1,
+                partial.span(), value());
+    }
+    /// Sets `count` to the sum of n terms.
+    template <class Term>
+    void count_of(int n, const Term& counted) {
+        count.fill_zero();
+        add_sum(Device{}, n, counted, 1, partial.span(), count.data());
+    }
 };
 
 template <class Device>
@@ -36,8 +59,7 @@ struct LossInputs {
     const TensorField<Device>& field;
     Span<const float> radii_px;  // [N] > 0: visible in this view
     int step;
-    NeighbourViews<Device>* others =
-        nullptr;  // at least one neighbour view; null: the view has none
+    NeighbourViews<Device>* others = nullptr;  // null: the view has no neighbour view
 };
 
 /// Inputs that a term needs besides the rendered colours.
@@ -59,7 +81,7 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.neighbour_views = std::max(a.neighbour_views, b.neighbour_views);
     a.rendered_views = std::max(a.rendered_views, b.rendered_views);
     a.edges |= b.edges, a.grey |= b.grey;
-    for (const std::string_view name : b.view_maps) a.view_maps.add(name);
+    a.view_maps.insert(b.view_maps.begin(), b.view_maps.end());
     a.targets |= b.targets, a.splat_gradients |= b.splat_gradients, a.thickness |= b.thickness;
     a.kept_per_pixel += b.kept_per_pixel;
     return a;
@@ -75,45 +97,62 @@ class Loss {
 public:
     virtual ~Loss() = default;
 
-    std::string key;  // in the list; make_losses() sets it
+    // make_losses() sets these:
+    std::string key;  // in the list
+    int start = 1;    // first iteration
 
     /// Whether the term acts at `step`; add_to() is only called then.
-    virtual bool active(int step) const = 0;
+    virtual bool active(int step) const { return step >= start; }
 
     virtual LossNeeds needs() const = 0;
 
-    /// Whether the derivatives by its render refine cameras. It has to be the first term, as terms
-    /// after it add to the same buffers.
+    /// Whether the derivatives by its render refine cameras; only the first term may.
     virtual bool has_camera_gradient() const { return false; }
 
-    /// Needs at one step with one view; a subset of needs(). For terms that do not use neighbour
-    /// views at every step.
+    /// The subset of needs() at one step with one view.
     virtual LossNeeds needs_at(int /*step*/, int /*view*/) const { return needs(); }
 
-    /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
-    virtual void add_to(Objective<Device>& objective,
-                        double* value,
-                        const LossInputs<Device>& in) = 0;
+    /// Adds weight * L to the value and its derivatives to `objective`; never overwrites.
+    virtual void add_to(Objective<Device>& objective, const LossInputs<Device>& in) = 0;
 
-    /// A term that keeps state between steps has to visit it here; else checkpoints lack the state,
-    /// and resumed runs differ.
+    /// A term that keeps state between steps has to visit it here; else resumed runs differ.
     virtual void state(StateVisitor<Device>& /*visit*/) {}
 
     /// Exposures of the photographs, fitted or held; empty: none.
     virtual HeldExposures exposures() const { return {}; }
 };
 
-/// Reads the terms of a sum from an array.
-struct ReadValue {
-    Span<const float> values;
-    TVSGS_HD float operator()(int i) const { return values[i]; }
-};
+/// Prior of a view. [height width channels]; empty where the view has no such map. Throws
+/// Error(ExitCode::input) where its size differs from the photograph's.
+template <class Device>
+Span<const float> prior_values(const DeviceView<Device>& view,
+                               std::string_view name,
+                               int channels = 1) {
+    const DeviceMap<Device>* const map = view.map(name);
+    if (map == nullptr) return {};
+    const Camera& c = view.camera;
+    if (map->width_px != c.width_px || map->height_px != c.height_px || map->channels != channels)
+        throw Error(ExitCode::input, str("prior map '", name, "' of view ", view.index, " has ",
+                                         map->width_px, " x ", map->height_px, " pixels of ",
+                                         map->channels, " values; expected the photograph's ",
+                                         c.width_px, " x ", c.height_px, " of ", channels));
+    return map->values.span();
+}
+
+/// Neither NaN nor infinite.
+TVSGS_HD inline bool is_number(float value) {
+    return value * 0 == 0;
+}
+
+/// 1 for a view without a confidence map.
+TVSGS_HD inline float confidence_at(Span<const float> confidence, int at) {
+    return confidence.empty() ? 1.0f : confidence[at];
+}
 
 enum class Reduction { mean, sum, visible_mean };
 
-/// World units that count as length 1 in terms that measure lengths (flatten, tv_position). The
-/// published weights suit scenes normalised to about a unit sphere; with plain world units a scene
-/// in millimetres would get other weights than one in metres.
+/// Unit of terms that measure lengths (flatten, tv_position). The published weights suit scenes
+/// normalised to about a unit sphere.
 enum class LengthUnit { world, depth };
 
 /// Options of terms that need only a weight and a first iteration.
@@ -165,8 +204,7 @@ struct TermOnList {
     LossNeeds needs;
 };
 
-/// Adds a term, defined by a program that links this library, to every training that starts
-/// afterwards. losses_list.h has the library's own terms.
+/// Adds a term of a program that links this library to every training that starts afterwards.
 template <class Device>
 using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
 template <class Device>

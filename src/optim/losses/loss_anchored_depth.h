@@ -1,5 +1,4 @@
-// Loss: depth against a prior that is fitted at intervals to pixels whose depth is consistent in
-// two views.
+// Loss: depth against a prior that is fitted to pixels whose depth is consistent in two views.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +8,6 @@
 #include "optim/losses/depth_anchors.h"
 #include "optim/losses/loss.h"
 #include "optim/losses/patch_pair.h"
-#include "optim/losses/prior_values.h"
 
 namespace tvsgs {
 
@@ -97,14 +95,6 @@ struct AnchoredDepthBody {
 template <class Device>
 class AnchoredDepthLoss final : public Loss<Device> {
 public:
-    /// Needs of the iterations that make a target.
-    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
-                                      .neighbour_views = 1,
-                                      .rendered_views = 1,
-                                      .grey = true,
-                                      .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence},
-                                      .kept_per_pixel = 1};
-
     explicit AnchoredDepthLoss(const AnchoredDepthOptions& options, const LossContext& context = {})
         : options_(options),
           length_unit_(context.length_unit),
@@ -113,10 +103,18 @@ public:
           targets_(static_cast<std::size_t>(context.views)) {}
 
     bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    /// Of the iterations that make a target.
+    LossNeeds needs() const override {
+        return {.maps = kGeometryMaps,
+                .neighbour_views = 1,
+                .rendered_views = 1,
+                .grey = true,
+                .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence},
+                .kept_per_pixel = 1};
+    }
     LossNeeds needs_at(int step, int view) const override {
-        if (due(step, view)) return kNeeds;
-        return {.maps = Maps::depth, .view_maps = kNeeds.view_maps};
+        if (due(step, view)) return needs();
+        return {.maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
     }
 
     /// Whether the view's target should be made at this step.
@@ -133,9 +131,7 @@ public:
         return targets_[static_cast<std::size_t>(view)];
     }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const Span<const float> prior = prior_values(in.view, prior_map::kDepthOrder);
         const bool now = due(in.step, in.view.index);
         if (now) made_[static_cast<std::size_t>(in.view.index)].step = in.step;
@@ -149,15 +145,13 @@ public:
         const int pixels = static_cast<int>(images.depth.size());
         const HasTarget compared{target.span(), images.depth.span(), confidence,
                                  options_.min_confidence};
-        objective.count.fill_zero();
-        add_sum(Device{}, pixels, compared, 1, objective.partial.span(), objective.count.data());
+        objective.count_of(pixels, compared);
         pixel_loss_.resize(images.depth.size());
         parallel_for(
             Device{}, pixels,
             AnchoredDepthBody{compared, objective.count.data(), options_.weight / length_unit_,
                               pixel_loss_.span(), objective.dL_dimages.depth.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
     }
 
     void state(StateVisitor<Device>& visit) override {
@@ -226,16 +220,6 @@ private:
     std::vector<Made> made_;                      // per view
     std::vector<Buffer<float, Device>> targets_;  // per view
     Buffer<float, Device> confidence_, pixel_loss_;
-};
-
-struct AnchoredDepthEntry {
-    AnchoredDepthOptions anchored_depth{{0, 1000}};
-    static constexpr const char* kKey = "anchored_depth";
-    static constexpr const char* kMeaning =
-        "depth against a prior fitted to pixels where views agree (VGGS)";
-    static constexpr auto kOptions = &AnchoredDepthEntry::anchored_depth;
-    template <class Device>
-    using Term = AnchoredDepthLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -1,9 +1,8 @@
 // Loss: order of depth of two pixels, compared with a prior, for pairs within patches.
 #pragma once
 
-#include "optim/losses/depth_order_math.h"
+#include "optim/losses/depth_prior_math.h"
 #include "optim/losses/loss.h"
-#include "optim/losses/prior_values.h"
 
 namespace tvsgs {
 
@@ -43,18 +42,14 @@ struct DepthRankBody {
 template <class Device>
 class DepthRankLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{
-        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
-
     explicit DepthRankLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options), length_unit_(context.length_unit), seed_(context.seed) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const auto order = prior_values(in.view, prior_map::kDepthOrder);
         if (order.empty()) return;
         const auto& images = in.images;
@@ -73,8 +68,7 @@ public:
                     prior_values(in.view, prior_map::kConfidence), 1 / length_unit_,
                     options_.weight / (2 * static_cast<float>(pairs)), pair_loss_.span(),
                     objective.dL_dimages.depth.span()});
-            add_sum(Device{}, pairs, ReadValue{std::as_const(pair_loss_).span()}, 1,
-                    objective.partial.span(), value);
+            objective.add(pair_loss_);
         }
     }
 
@@ -83,16 +77,6 @@ private:
     float length_unit_;
     std::uint64_t seed_;
     Buffer<float, Device> pair_loss_;
-};
-
-struct DepthRankEntry {
-    ScheduledOptions depth_rank;
-    static constexpr const char* kKey = "depth_rank";
-    static constexpr const char* kMeaning =
-        "depth order of pixel pairs, render against prior (FatesGS)";
-    static constexpr auto kOptions = &DepthRankEntry::depth_rank;
-    template <class Device>
-    using Term = DepthRankLoss<Device>;
 };
 
 }  // namespace tvsgs

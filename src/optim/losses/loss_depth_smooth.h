@@ -1,14 +1,12 @@
 // Loss: depth is smooth where a prior is smooth.
 #pragma once
 
-#include "optim/losses/depth_order_math.h"
+#include "optim/losses/depth_prior_math.h"
 #include "optim/losses/loss.h"
-#include "optim/losses/prior_values.h"
 
 namespace tvsgs {
 
-/// Adds the cost of the steps from pixel p to its right and lower neighbours, and the derivatives
-/// of all four of its steps.
+/// The cost of a pixel's steps to the right and down, and the derivatives of all four steps.
 struct DepthSmoothBody {
     // Steps up to this cost nothing, in length units of the losses.
     static constexpr float kTolerance = 1e-4f;
@@ -54,18 +52,14 @@ struct DepthSmoothBody {
 template <class Device>
 class DepthSmoothLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{
-        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
-
     explicit DepthSmoothLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options), length_unit_(context.length_unit) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const auto order = prior_values(in.view, prior_map::kDepthOrder);
         if (order.empty()) return;
         const auto& images = in.images;
@@ -79,23 +73,13 @@ public:
                                      prior_values(in.view, prior_map::kConfidence),
                                      1 / length_unit_, mean_of((w - 1) * h), mean_of(w * (h - 1)),
                                      pixel_loss_.span(), objective.dL_dimages.depth.span()});
-        add_sum(Device{}, w * h, ReadValue{std::as_const(pixel_loss_).span()}, 1,
-                objective.partial.span(), value);
+        objective.add(pixel_loss_);
     }
 
 private:
     ScheduledOptions options_;
     float length_unit_;
     Buffer<float, Device> pixel_loss_;
-};
-
-struct DepthSmoothEntry {
-    ScheduledOptions depth_smooth;
-    static constexpr const char* kKey = "depth_smooth";
-    static constexpr const char* kMeaning = "smooth depth where the prior is smooth (FatesGS)";
-    static constexpr auto kOptions = &DepthSmoothEntry::depth_smooth;
-    template <class Device>
-    using Term = DepthSmoothLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -3,8 +3,6 @@
 
 #include <limits>
 
-#include "core/error.h"
-#include "core/scene/prior_maps.h"
 #include "optim/losses/feature_math.h"
 #include "optim/losses/loss.h"
 
@@ -99,23 +97,19 @@ struct FeatureBody {
 template <class Device>
 class FeatureLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{
-        .maps = Maps::depth,
-        .neighbour_views = 2,
-        .view_maps = {prior_map::kFeatures, prior_map::kCoarseFeatures}};
-
     explicit FeatureLoss(const ScheduledOptions& options, const LossContext& = {})
         : options_(options) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = Maps::depth,
+                .neighbour_views = kOthers,
+                .view_maps = {prior_map::kFeatures, prior_map::kCoarseFeatures}};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         if (in.others == nullptr || in.view.map(prior_map::kFeatures) == nullptr) return;
         std::vector<const NeighbourView<Device>*> others;
-        for (int i = 0; i < in.others->count() && i < kNeeds.neighbour_views; ++i)
+        for (int i = 0; i < in.others->count() && i < kOthers; ++i)
             if ((*in.others)[i].view().map(prior_map::kFeatures) != nullptr)
                 others.push_back(&(*in.others)[i]);
         if (others.empty()) return;
@@ -124,13 +118,10 @@ public:
         const int pixels = images.width * images.height;
         pixel_loss_.resize(images.depth.size());
         pixel_loss_.fill_zero();
-        objective.count.fill_zero();
-        add_sum(Device{}, pixels, HasDepth{images.depth.span()}, 1, objective.partial.span(),
-                objective.count.data());
+        objective.count_of(pixels, HasDepth{images.depth.span()});
         for (const NeighbourView<Device>* other : others)
             compare(objective, in, *other, options_.weight / static_cast<float>(others.size()));
-        add_sum(Device{}, pixels, ReadValue{std::as_const(pixel_loss_).span()}, 1,
-                objective.partial.span(), value);
+        objective.add(pixel_loss_);
     }
 
 private:
@@ -166,6 +157,8 @@ private:
         if (both) at_scale(prior_map::kCoarseFeatures, 1.0f / 3);
     }
 
+    static constexpr int kOthers = 2;
+
     static FeatureMap features(const DeviceMap<Device>& map) {
         return {map.values.data(), map.width_px, map.height_px, map.channels};
     }
@@ -173,16 +166,6 @@ private:
     ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<std::int64_t, Device> nearest_;
-};
-
-struct FeatureEntry {
-    ScheduledOptions features;
-    static constexpr const char* kKey = "features";
-    static constexpr const char* kMeaning =
-        "descriptors of photographs where two views see the same surface (FatesGS)";
-    static constexpr auto kOptions = &FeatureEntry::features;
-    template <class Device>
-    using Term = FeatureLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -38,26 +38,19 @@ struct FlattenGradientBody {
 template <class Device>
 class FlattenLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.splat_gradients = true, .thickness = true};
-
     explicit FlattenLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options) {
         options_.weight /= context.length_unit;
     }
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override { return {.splat_gradients = true, .thickness = true}; }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
-        objective.count.fill_zero();
-        add_sum(Device{}, n, VisibleTerm{in.radii_px}, 1, objective.partial.span(),
-                objective.count.data());
+        objective.count_of(n, VisibleTerm{in.radii_px});
         const SmallestScaleTerm term{in.gaussians.log_scales.span(), in.radii_px,
                                      objective.count.data()};
-        add_sum(Device{}, n, term, options_.weight, objective.partial.span(), value);
+        add_sum(Device{}, n, term, options_.weight, objective.partial.span(), objective.value());
         parallel_for(
             Device{}, n,
             FlattenGradientBody{term, options_.weight, objective.dL_dgaussians.log_scales.span()});
@@ -65,15 +58,6 @@ public:
 
 private:
     ScheduledOptions options_;
-};
-
-struct FlattenEntry {
-    ScheduledOptions flatten;
-    static constexpr const char* kKey = "flatten";
-    static constexpr const char* kMeaning = "smallest scale of each visible splat (PGSR)";
-    static constexpr auto kOptions = &FlattenEntry::flatten;
-    template <class Device>
-    using Term = FlattenLoss<Device>;
 };
 
 }  // namespace tvsgs

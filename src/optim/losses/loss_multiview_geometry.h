@@ -40,18 +40,17 @@ struct MultiViewGeometryBody {
 template <class Device>
 class MultiViewGeometryLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{
-        .maps = kGeometryMaps, .neighbour_views = 1, .rendered_views = 1, .splat_gradients = true};
-
     explicit MultiViewGeometryLoss(const ScheduledOptions& options, const LossContext& = {})
         : options_(options) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = kGeometryMaps,
+                .neighbour_views = 1,
+                .rendered_views = 1,
+                .splat_gradients = true};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         if (in.others == nullptr) return;
         NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
@@ -64,22 +63,12 @@ public:
                                   options_.weight, pixel_loss_.span(),
                                   objective.dL_dimages.depth.span(), other.depth_gradients().data});
         other.resolve_depth_gradients(options_.weight, other.valid_count());
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
     }
 
 private:
     ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
-};
-
-struct MultiViewGeometryEntry {
-    ScheduledOptions multi_view_geometry{0, 7001};
-    static constexpr const char* kKey = "multi_view_geometry";
-    static constexpr const char* kMeaning = "depth maps of two views against each other (PGSR)";
-    static constexpr auto kOptions = &MultiViewGeometryEntry::multi_view_geometry;
-    template <class Device>
-    using Term = MultiViewGeometryLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -88,24 +88,21 @@ struct PatchGradientBody {
 template <class Device>
 class MultiViewNccLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
-                                      .neighbour_views = 1,
-                                      .rendered_views = 1,
-                                      .grey = true,
-                                      .splat_gradients = true};
-
     explicit MultiViewNccLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options),
           samples_(context.shared.multi_view.samples),
           seed_(context.seed),
           pixel_center_(context.pixel_center) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = kGeometryMaps,
+                .neighbour_views = 1,
+                .rendered_views = 1,
+                .grey = true,
+                .splat_gradients = true};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         if (in.others == nullptr) return;
         const NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
@@ -124,11 +121,9 @@ public:
                       images.depth.span(), other.weight(), pixels_.span(), other.valid_count(),
                       random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
                       terms_.span()});
-        objective.count.fill_zero();
-        add_sum(Device{}, samples, PatchPasses{terms.span()}, 1, objective.partial.span(),
-                objective.count.data());
+        objective.count_of(samples, PatchPasses{terms.span()});
         add_sum(Device{}, samples, PatchLoss{terms.span(), objective.count.data()}, options_.weight,
-                objective.partial.span(), value);
+                objective.partial.span(), objective.value());
         parallel_for(Device{}, samples,
                      PatchGradientBody{terms.span(), objective.count.data(), options_.weight,
                                        objective.dL_dimages.normal.span(),
@@ -143,16 +138,6 @@ private:
     Buffer<int, Device> place_, pixels_;
     Buffer<std::uint8_t, Device> scratch_;
     Buffer<PatchTerm, Device> terms_;
-};
-
-struct MultiViewNccEntry {
-    ScheduledOptions multi_view_ncc{0, 7001};
-    static constexpr const char* kKey = "multi_view_ncc";
-    static constexpr const char* kMeaning =
-        "photograph patches of two views against each other (PGSR)";
-    static constexpr auto kOptions = &MultiViewNccEntry::multi_view_ncc;
-    template <class Device>
-    using Term = MultiViewNccLoss<Device>;
 };
 
 }  // namespace tvsgs

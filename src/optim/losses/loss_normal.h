@@ -3,7 +3,6 @@
 
 #include "optim/losses/depth_normals.h"
 #include "optim/losses/loss.h"
-#include "optim/photo/edge_strength.h"
 #include "render/photometric/photometric.h"
 
 namespace tvsgs {
@@ -44,17 +43,12 @@ struct NormalLossBody {
 template <class Device>
 class NormalLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps, .edges = true};
-
     explicit NormalLoss(const ScheduledOptions& options, const LossContext& = {})
         : options_(options) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override { return {.maps = kGeometryMaps, .edges = true}; }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const auto& images = in.images;
         const int pixels = images.width * images.height;
         pixel_loss_.resize(images.depth.size());
@@ -66,8 +60,7 @@ public:
                            in.view.edge_max, options_.weight / static_cast<float>(pixels),
                            pixel_loss_.span(), neighbours_.span(),
                            objective.dL_dimages.normal.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
         parallel_for(Device{}, pixels,
                      NormalDepthBody{images.camera, neighbours_.span(), images.depth.span(),
                                      objective.dL_dimages.depth.span()});
@@ -77,16 +70,6 @@ private:
     ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<DepthNormalGradients<float>, Device> neighbours_;
-};
-
-struct NormalEntry {
-    ScheduledOptions normal{0, 7001};
-    static constexpr const char* kKey = "normal";
-    static constexpr const char* kMeaning =
-        "blended normals against normals of the depth map (PGSR, single view)";
-    static constexpr auto kOptions = &NormalEntry::normal;
-    template <class Device>
-    using Term = NormalLoss<Device>;
 };
 
 }  // namespace tvsgs

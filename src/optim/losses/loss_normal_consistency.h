@@ -52,7 +52,6 @@ public:
     explicit NormalConsistencyLoss(const NormalConsistencyOptions& options, const LossContext& = {})
         : options_(options) {}
 
-    bool active(int step) const override { return step >= options_.start; }
     LossNeeds needs() const override {
         LossNeeds needs{.maps = Maps::normal};
         if (options_.expected < 1) needs.maps |= Maps::depth;
@@ -60,9 +59,7 @@ public:
         return needs;
     }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const auto& images = in.images;
         auto& dL = objective.dL_dimages;
         pixel_loss_.resize(images.normal.size());
@@ -70,8 +67,7 @@ public:
         neighbours_.resize(images.normal.size());
         compare(images, images.depth, 1 - options_.expected, dL.normal, dL.depth);
         compare(images, images.expected_depth, options_.expected, dL.normal, dL.expected_depth);
-        add_sum(Device{}, images.width * images.height, ReadValue{pixel_loss_.span()}, 1,
-                objective.partial.span(), value);
+        objective.add(pixel_loss_);
     }
 
 private:
@@ -96,16 +92,6 @@ private:
     NormalConsistencyOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<DepthNormalGradients<float>, Device> neighbours_;
-};
-
-struct NormalConsistencyEntry {
-    NormalConsistencyOptions normal_consistency{{0, 7001}};
-    static constexpr const char* kKey = "normal_consistency";
-    static constexpr const char* kMeaning =
-        "directions of blended normals against the depth map (2DGS)";
-    static constexpr auto kOptions = &NormalConsistencyEntry::normal_consistency;
-    template <class Device>
-    using Term = NormalConsistencyLoss<Device>;
 };
 
 }  // namespace tvsgs

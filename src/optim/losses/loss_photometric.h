@@ -26,16 +26,15 @@ struct PhotometricOptions {
         field("weight", weight, {0, 1e6}, "weight of (1 - ssim) L1 + ssim (1 - SSIM); 0: off");
         field("ssim", ssim, {0, 1}, "share of the SSIM term, 0 to 1");
         field("geometry", geometry, {0, 1},
-              "share of the gradient that moves, turns and scales splats that stereo supports "
-              "(init.support); colours and opacities get all of it");
+              "share of the gradient that moves, turns and scales splats with init.support");
         field("geometry_full", geometry_full, {0, 1e9},
               "iteration at which that share has risen to 1, in a straight line; 0: it stays");
         field("exposure", exposure,
               "fit brightness and offset of each photograph, in the L1 term (PGSR)");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that fit");
         field("exposure_from", exposure_from,
-              "finished run whose exposures are used instead of fitting new ones, for the same "
-              "colours in all blocks; empty: none");
+              "finished run whose exposures are used, for the same colours in all blocks; empty: "
+              "none");
         field.choice(
             "masks", masks, {"auto", "object", "ignore", "none"},
             "pixels outside the masks; object: background, must stay empty; ignore: not compared; "
@@ -47,8 +46,7 @@ struct PhotometricOptions {
               "random (object masks only) or sky (by direction, from the photographs); none: "
               "black, and pixels outside object masks are not compared");
         field("sky_from", sky_from,
-              "finished run whose sky is used instead of making one, for the same sky in all "
-              "blocks; empty: none");
+              "finished run whose sky is used, for the same sky in all blocks; empty: none");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {
@@ -88,18 +86,15 @@ public:
             throw Error(ExitCode::usage, kRandomNeedsObject);
     }
 
-    bool active(int) const override { return true; }
     bool has_camera_gradient() const override { return true; }
     LossNeeds needs() const override {
         LossNeeds needs;
-        if (masks_) needs.view_maps.add("mask");
+        if (masks_) needs.view_maps.insert("mask");
         if (coverage_ > 0 || has_background()) needs.maps = Maps::coverage;
         return needs;
     }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         pixel_loss_.resize(in.images.color.size());
         const int pixels = static_cast<int>(pixel_loss_.size());
         const bool masks = masks_ || has_background();
@@ -131,8 +126,7 @@ public:
                              by_, in.images.transmittance.span(), std::as_const(dL_dcolor_).span(),
                              objective.dL_dimages.color.span(),
                              objective.dL_dimages.transmittance.span(), pixel_loss_.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
         if (expose && !exposure_.held()) exposure_.step(in.view.index, views_);
     }
 
@@ -200,15 +194,6 @@ private:
     MaskedPhoto by_{};
     Buffer<Vec3f, Device> color_, dL_dcolor_;
     Buffer<std::uint8_t, Device> photo_, sky_texels_;
-};
-
-struct PhotometricEntry {
-    PhotometricOptions photometric;
-    static constexpr const char* kKey = "photometric";
-    static constexpr const char* kMeaning = "render against photograph";
-    static constexpr auto kOptions = &PhotometricEntry::photometric;
-    template <class Device>
-    using Term = PhotometricLoss<Device>;
 };
 
 }  // namespace tvsgs

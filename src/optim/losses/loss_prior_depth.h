@@ -3,7 +3,6 @@
 
 #include "optim/losses/depth_prior_math.h"
 #include "optim/losses/loss.h"
-#include "optim/losses/prior_values.h"
 
 namespace tvsgs {
 
@@ -15,9 +14,8 @@ struct PriorDepthOptions : ScheduledOptions {
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
         field("end", end, {0, 1e9}, "last iteration; 0: never ends");
-        field(
-            "last_share", last_share, {1e-6, 1},
-            "share of the weight left at the last iteration, with exponential decay; 1: no decay");
+        field("last_share", last_share, {1e-6, 1},
+              "share of the weight at the last iteration, by exponential decay; 1: no decay");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {
@@ -51,16 +49,15 @@ struct PriorDepthBody {
 template <class Device>
 class PriorDepthLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.maps = Maps::depth,
-                                      .view_maps = {prior_map::kDepth, prior_map::kConfidence}};
-
     explicit PriorDepthLoss(const PriorDepthOptions& options, const LossContext& = {})
         : options_(options) {}
 
     bool active(int step) const override {
         return step >= options_.start && (options_.end == 0 || step <= options_.end);
     }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = Maps::depth, .view_maps = {prior_map::kDepth, prior_map::kConfidence}};
+    }
 
     /// weight * last_share^((step - start) / (end - start)).
     float weight_at(int step) const {
@@ -70,9 +67,7 @@ public:
         return options_.weight * std::pow(options_.last_share, done);
     }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const Span<const float> prior = prior_values(in.view, prior_map::kDepth);
         if (prior.empty()) return;
         const Buffer<float, Device>& depth = in.images.depth;
@@ -83,22 +78,12 @@ public:
             PriorDepthBody{depth.span(), prior, prior_values(in.view, prior_map::kConfidence),
                            weight_at(in.step) / static_cast<float>(pixels), pixel_loss_.span(),
                            objective.dL_dimages.depth.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
     }
 
 private:
     PriorDepthOptions options_;
     Buffer<float, Device> pixel_loss_;
-};
-
-struct PriorDepthEntry {
-    PriorDepthOptions prior_depth;
-    static constexpr const char* kKey = "prior_depth";
-    static constexpr const char* kMeaning = "depth against a prior in world units";
-    static constexpr auto kOptions = &PriorDepthEntry::prior_depth;
-    template <class Device>
-    using Term = PriorDepthLoss<Device>;
 };
 
 }  // namespace tvsgs

@@ -3,7 +3,6 @@
 
 #include "optim/losses/depth_normals.h"
 #include "optim/losses/loss.h"
-#include "optim/losses/prior_values.h"
 
 namespace tvsgs {
 
@@ -48,18 +47,14 @@ struct PriorNormalBody {
 template <class Device>
 class PriorNormalLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.maps = Maps::depth,
-                                      .view_maps = {prior_map::kNormal, prior_map::kConfidence}};
-
     explicit PriorNormalLoss(const PriorNormalOptions& options, const LossContext& = {})
         : options_(options) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = Maps::depth, .view_maps = {prior_map::kNormal, prior_map::kConfidence}};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const Span<const float> prior = prior_values(in.view, prior_map::kNormal, 3);
         if (prior.empty()) return;
         const auto& images = in.images;
@@ -72,8 +67,7 @@ public:
                             prior_values(in.view, prior_map::kConfidence), options_.by_confidence,
                             options_.weight / static_cast<float>(pixels), pixel_loss_.span(),
                             neighbours_.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
         parallel_for(Device{}, pixels,
                      NormalDepthBody{images.camera, neighbours_.span(), images.depth.span(),
                                      objective.dL_dimages.depth.span()});
@@ -83,15 +77,6 @@ private:
     PriorNormalOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<DepthNormalGradients<float>, Device> neighbours_;
-};
-
-struct PriorNormalEntry {
-    PriorNormalOptions prior_normal;
-    static constexpr const char* kKey = "prior_normal";
-    static constexpr const char* kMeaning = "normals of the depth map against a prior (VGGS)";
-    static constexpr auto kOptions = &PriorNormalEntry::prior_normal;
-    template <class Device>
-    using Term = PriorNormalLoss<Device>;
 };
 
 }  // namespace tvsgs

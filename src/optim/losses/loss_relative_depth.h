@@ -3,7 +3,6 @@
 
 #include "optim/losses/depth_prior_math.h"
 #include "optim/losses/loss.h"
-#include "optim/losses/prior_values.h"
 
 namespace tvsgs {
 
@@ -14,8 +13,7 @@ struct RelativeDepthOptions : ScheduledOptions {
     void fields(Visitor& field) {
         ScheduledOptions::fields(field);
         field("dead_zone", dead_zone, {0, 1},
-              "smallest difference of the priors of a pair that gives an order, as a share of the "
-              "prior's range");
+              "smallest difference of priors that gives an order, as a share of their range");
         field("min_confidence", min_confidence, {0, 1},
               "pixels at or below this confidence of the prior are in no pair");
     }
@@ -64,18 +62,14 @@ struct RelativeDepthBody {
 template <class Device>
 class RelativeDepthLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{
-        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
-
     explicit RelativeDepthLoss(const RelativeDepthOptions& options, const LossContext& context = {})
         : options_(options), length_unit_(context.length_unit), seed_(context.seed) {}
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        return {.maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+    }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const Span<const float> order = prior_values(in.view, prior_map::kDepthOrder);
         if (order.empty()) return;
         const auto& images = in.images;
@@ -91,8 +85,7 @@ public:
                          options_.dead_zone, options_.min_confidence, 1 / length_unit_,
                          options_.weight / static_cast<float>(pixels), pixel_loss_.span(),
                          objective.dL_dimages.depth.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
-                value);
+        objective.add(pixel_loss_);
     }
 
     static constexpr int kReach = 16;  // largest distance of a pair along each axis, px  [VGGS]
@@ -102,16 +95,6 @@ private:
     float length_unit_;
     std::uint64_t seed_;
     Buffer<float, Device> pixel_loss_;
-};
-
-struct RelativeDepthEntry {
-    RelativeDepthOptions relative_depth;
-    static constexpr const char* kKey = "relative_depth";
-    static constexpr const char* kMeaning =
-        "depth order of pixel pairs, render against prior (VGGS)";
-    static constexpr auto kOptions = &RelativeDepthEntry::relative_depth;
-    template <class Device>
-    using Term = RelativeDepthLoss<Device>;
 };
 
 }  // namespace tvsgs

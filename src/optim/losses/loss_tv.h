@@ -1,5 +1,4 @@
-// Losses: splats against the votes that they received; they need no rendering.  [TV-SGS],
-// docs/method/voting.md
+// Losses: splats against the votes that they received.  [TV-SGS], docs/method/voting.md
 #pragma once
 
 #include "optim/losses/loss.h"
@@ -83,19 +82,14 @@ struct TvPositionBody {
 template <class Device, bool kPosition>
 class TvLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.targets = kPosition, .splat_gradients = true};
-
     explicit TvLoss(const ScheduledOptions& options, const LossContext& context = {})
         : options_(options), reduction_(context.shared.tv_reduction) {
         if constexpr (kPosition) options_.weight /= context.length_unit;
     }
 
-    bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override { return {.targets = kPosition, .splat_gradients = true}; }
 
-    void add_to(Objective<Device>& objective,
-                double* value,
-                const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
         if (static_cast<int>(in.field.flags.size()) != n) return;  // no voting event yet
         const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid,
@@ -121,7 +115,7 @@ public:
                                       options_.weight,
                                       splat_loss_.span(),
                                       objective.dL_dgaussians.quats.span()});
-        add_sum(Device{}, n, ReadValue{splat_loss_.span()}, 1, objective.partial.span(), value);
+        objective.add(splat_loss_);
     }
 
 private:
@@ -130,22 +124,9 @@ private:
     Buffer<float, Device> splat_loss_;
 };
 
-struct TvNormalEntry {
-    ScheduledOptions tv_normal;
-    static constexpr const char* kKey = "tv_normal";
-    static constexpr const char* kMeaning = "splat normals against voted normals";
-    static constexpr auto kOptions = &TvNormalEntry::tv_normal;
-    template <class Device>
-    using Term = TvLoss<Device, false>;
-};
-
-struct TvPositionEntry {
-    ScheduledOptions tv_position;
-    static constexpr const char* kKey = "tv_position";
-    static constexpr const char* kMeaning = "splat centres against voted positions";
-    static constexpr auto kOptions = &TvPositionEntry::tv_position;
-    template <class Device>
-    using Term = TvLoss<Device, true>;
-};
+template <class Device>
+using TvNormalLoss = TvLoss<Device, false>;
+template <class Device>
+using TvPositionLoss = TvLoss<Device, true>;
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// List of losses. To add a loss, write its file, and add an include and an entry here.
+// List of losses. To add a loss, write its file, and add an include, options and an entry here.
 #pragma once
 
 #include <map>
@@ -23,40 +23,70 @@
 
 namespace tvsgs {
 
-/// An entry holds the options of a loss, in a member that has the name of its key, and names the
-/// key, its meaning and the class.
-template <class... Entries>
-struct LossList : Entries..., SharedLossOptions {
-    /// visit<Entry>(options) for each term.
+/// The class of a term.
+template <template <class> class Term>
+struct TermClass {
+    template <class Device>
+    using On = Term<Device>;
+};
+
+/// Options of all terms; a member has the name of its key.
+struct LossOptions : SharedLossOptions {
+    PhotometricOptions photometric;
+    ScheduledOptions flatten, normal{0, 7001}, distortion{0, 3001}, multi_view_geometry{0, 7001},
+        multi_view_ncc{0, 7001}, depth_rank, depth_smooth, features, tv_normal, tv_position;
+    NormalConsistencyOptions normal_consistency{{0, 7001}};
+    RelativeDepthOptions relative_depth;
+    PriorNormalOptions prior_normal;
+    PriorDepthOptions prior_depth;
+    AnchoredDepthOptions anchored_depth{{0, 1000}};
+
+    /// The list: calls visit(TermClass, key, options, meaning), in the order in which the terms are
+    /// added.
     template <class Options, class Visit>
     static void terms(Options& o, const Visit& visit) {
-        (visit.template operator()<Entries>(o.*Entries::kOptions), ...);
+        visit(TermClass<PhotometricLoss>{}, "photometric", o.photometric,
+              "render against photograph");
+        visit(TermClass<FlattenLoss>{}, "flatten", o.flatten,
+              "smallest scale of each visible splat (PGSR)");
+        visit(TermClass<NormalLoss>{}, "normal", o.normal,
+              "blended normals against normals of the depth map (PGSR, single view)");
+        visit(TermClass<NormalConsistencyLoss>{}, "normal_consistency", o.normal_consistency,
+              "directions of blended normals against the depth map (2DGS)");
+        visit(TermClass<DistortionLoss>{}, "distortion", o.distortion,
+              "spread of the depths that a pixel blends (2DGS)");
+        visit(TermClass<MultiViewGeometryLoss>{}, "multi_view_geometry", o.multi_view_geometry,
+              "depth maps of two views against each other (PGSR)");
+        visit(TermClass<MultiViewNccLoss>{}, "multi_view_ncc", o.multi_view_ncc,
+              "photograph patches of two views against each other (PGSR)");
+        visit(TermClass<DepthRankLoss>{}, "depth_rank", o.depth_rank,
+              "depth order of pixel pairs, render against prior (FatesGS)");
+        visit(TermClass<DepthSmoothLoss>{}, "depth_smooth", o.depth_smooth,
+              "smooth depth where the prior is smooth (FatesGS)");
+        visit(TermClass<FeatureLoss>{}, "features", o.features,
+              "descriptors of photographs where two views see the same surface (FatesGS)");
+        visit(TermClass<RelativeDepthLoss>{}, "relative_depth", o.relative_depth,
+              "depth order of pixel pairs, render against prior (VGGS)");
+        visit(TermClass<PriorNormalLoss>{}, "prior_normal", o.prior_normal,
+              "normals of the depth map against a prior (VGGS)");
+        visit(TermClass<PriorDepthLoss>{}, "prior_depth", o.prior_depth,
+              "depth against a prior in world units");
+        visit(TermClass<AnchoredDepthLoss>{}, "anchored_depth", o.anchored_depth,
+              "depth against a prior fitted to pixels where views agree (VGGS)");
+        visit(TermClass<TvNormalLoss>{}, "tv_normal", o.tv_normal,
+              "splat normals against voted normals");
+        visit(TermClass<TvPositionLoss>{}, "tv_position", o.tv_position,
+              "splat centres against voted positions");
     }
 
     template <class Visitor>
     void fields(Visitor& field) {
-        (field.group(Entries::kKey, this->*Entries::kOptions, Entries::kMeaning), ...);
+        terms(*this, [&](auto, const char* key, auto& options, const char* meaning) {
+            field.group(key, options, meaning);
+        });
         SharedLossOptions::fields(field);
     }
 };
-
-/// The list, in the order in which the terms are added.
-struct LossOptions : LossList<PhotometricEntry,
-                              FlattenEntry,
-                              NormalEntry,
-                              NormalConsistencyEntry,
-                              DistortionEntry,
-                              MultiViewGeometryEntry,
-                              MultiViewNccEntry,
-                              DepthRankEntry,
-                              DepthSmoothEntry,
-                              FeatureEntry,
-                              RelativeDepthEntry,
-                              PriorNormalEntry,
-                              PriorDepthEntry,
-                              AnchoredDepthEntry,
-                              TvNormalEntry,
-                              TvPositionEntry> {};
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options);
 
@@ -88,10 +118,11 @@ std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& option
                                                        LossContext context) {
     context.shared = options;
     std::vector<std::unique_ptr<Loss<Device>>> losses;
-    LossOptions::terms(options, [&]<class Entry>(const auto& of) {
+    LossOptions::terms(options, [&]<class Class>(Class, const char* key, const auto& of, auto) {
         if (!(of.weight > 0)) return;
-        losses.push_back(std::make_unique<typename Entry::template Term<Device>>(of, context));
-        losses.back()->key = Entry::kKey;
+        losses.push_back(std::make_unique<typename Class::template On<Device>>(of, context));
+        losses.back()->key = key;
+        if constexpr (requires { of.start; }) losses.back()->start = of.start;
     });
     for (const TermOnList& term : added_terms())
         if (term.weight > 0) {

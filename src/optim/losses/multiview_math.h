@@ -1,5 +1,5 @@
-// Geometry of two views of one surface: projects a depth map into another view and back, and
-// computes the squared NCC of patches warped by the surface's plane. [PGSR, Section 3.3]
+// Geometry of two views of one surface: depth maps projected into another view and back, patches
+// warped by the surface's plane.  [PGSR, Section 3.3]
 #pragma once
 
 #include "core/math/rng.h"
@@ -186,11 +186,9 @@ struct PatchScore {
 };
 
 /// Warps the patch around `centre` (corner coordinates of the reference image) by the homography R
-/// - t n^T / d of the plane n . X = -d. Only n / d counts, so blended channels need no
-/// normalisation. `pair` has the lenses of the images; `shift` is the offset from corner
-/// coordinates to sample coordinates. One loop computes value and derivative: the derivative of
-/// NCC^2 by a warped intensity is linear in the patch's intensities, so three weighted sums
-/// suffice.
+/// - t n^T / d of the plane n . X = -d. Only n / d counts. `pair` has the lenses of the images;
+/// `shift`: from corner to sample coordinates. The derivative of NCC^2 by a warped intensity is
+/// linear in the patch's intensities, so three weighted sums suffice for it.
 template <class Real, class Image>
 TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
                                       Vec2<Real> centre,
@@ -246,9 +244,8 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
     return score;
 }
 
-/// Image of `i` under a permutation of [0, count) chosen by `key`, without a table: rounds of
-/// one-to-one mixing of b-bit numbers, repeated until the result is below `count` (less than twice
-/// on average).
+/// Image of `i` under a permutation of [0, count) chosen by `key`: one-to-one mixing of b-bit
+/// numbers, repeated until the result is below `count` (less than twice on average).
 TVSGS_HD inline std::uint32_t permuted(std::uint32_t i, std::uint32_t count, const Random4& key) {
     int bits = 1;
     while (bits < 32 && (std::uint64_t{1} << bits) < count) ++bits;

@@ -9,8 +9,7 @@ namespace tvsgs {
 
 struct PatchPair {
     ViewPair<float> pair;  // lenses of the grey images
-    // `scale`: from corner coordinates of the render to the grey image's; `shift`: from these to
-    // sample coordinates.
+    // From corner coordinates of the render to the grey image's; from these to sample coordinates.
     Vec2f scale, shift;
     Camera camera;  // of the render
     GreyBytes reference, other;
@@ -23,8 +22,7 @@ struct PatchPair {
                in_photo(project(pair.other, there), other);
     }
 
-    /// Score of the patch around pixel `at` of the render, on the plane with this normal through
-    /// `point` (camera frame).
+    /// Score of the patch around pixel `at` on the plane with this normal through `point`.
     TVSGS_HD PatchScore<float> score(int at, Vec3f normal, Vec3f point) const {
         return patch_score(pair, centre(at), normal, -dot(normal, point), reference, other, shift);
     }

@@ -38,8 +38,7 @@ struct AdamOptions {
     }
 };
 
-/// Rates of supported splats at AdamOptions::supported = 1: of the means, in uncertainties, of the
-/// log scales, and of the quaternions.
+/// Rates of supported splats at AdamOptions::supported = 1; of the means in uncertainties.
 inline constexpr float kSupportedPosition = 0.02f, kSupportedScale = 1e-3f,
                        kSupportedRotation = 5e-4f;
 
@@ -72,9 +71,9 @@ struct AdamBody {
 void update_parameters(Cpu, int count, const AdamBody& body, const int* halted);
 void update_parameters(Cuda, int count, const AdamBody& body, const int* halted);
 
-/// Moments of all splats, and Adam's step. The iteration `step` sets the rate of the means.
-/// `sh_degree` is the SH degree in use: coefficients above it have zero gradients and moments.
-/// Where *halted (device memory; may be null) is not 0, a step changes nothing.
+/// Moments of all splats, and Adam's step. `sh_degree`: in use; higher coefficients have zero
+/// gradients and moments. Where *halted (device memory; may be null) is not 0, a step changes
+/// nothing.
 template <class Device>
 class Adam {
 public:
@@ -98,7 +97,7 @@ public:
         const SupportedScale own = supported(step, g);
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
                                 auto& v, const SupportedRate& rate = {}) {
-            update_group(group, {0, values.size()}, values, dL, m, v, halted, rate);
+            update_group(group, 0, values.size(), values, dL, m, v, halted, rate);
         };
         update(means, g.means, gradients.means, m_.means, v_.means, own.mean);
         update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
@@ -109,8 +108,8 @@ public:
                    v_.opacity_logits);
         const std::size_t n = g.means.size(),
                           used = n * static_cast<std::size_t>(sh_count(sh_degree));
-        update_group(sh_dc, {0, n}, g.sh, gradients.sh, m_.sh, v_.sh, halted);
-        update_group(sh_rest, {n, used}, g.sh, gradients.sh, m_.sh, v_.sh, halted);
+        update_group(sh_dc, 0, n, g.sh, gradients.sh, m_.sh, v_.sh, halted);
+        update_group(sh_rest, n, used, g.sh, gradients.sh, m_.sh, v_.sh, halted);
     }
 
     /// Takes a step along the rasteriser's sums over pixels and the gradients that losses add to
@@ -154,13 +153,11 @@ public:
     Gaussians<Device>& second_moments() { return v_; }
 
 private:
-    /// Elements [range.begin, range.end) of one parameter.
-    struct Range {
-        std::size_t begin, end;
-    };
+    /// Steps elements [begin, end) of one parameter.
     template <class T>
     void update_group(ParameterGroup group,
-                      Range range,
+                      std::size_t begin,
+                      std::size_t end,
                       Buffer<T, Device>& values,
                       const Buffer<T, Device>& dL,
                       Buffer<T, Device>& m,
@@ -170,11 +167,11 @@ private:
         const auto floats = [&](auto* data) {
             using Float = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(data)>>,
                                              const float, float>;
-            return reinterpret_cast<Float*>(data + range.begin);
+            return reinterpret_cast<Float*>(data + begin);
         };
         // Only scales have a bound; in other groups it would hide infinite values.
         const float least = group == ParameterGroup::scales ? kLeastLogScale : -INFINITY;
-        const std::size_t count = (range.end - range.begin) * sizeof(T) / sizeof(float);
+        const std::size_t count = (end - begin) * sizeof(T) / sizeof(float);
         update_parameters(Device{}, static_cast<int>(count),
                           {floats(values.data()),
                            floats(m.data()),

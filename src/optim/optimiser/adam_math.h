@@ -1,8 +1,6 @@
 // Adam's step of a single number and of the SH coefficients of one Gaussian.  [Kingma15]
 #pragma once
 
-#include <cstdint>
-
 #include "core/math/fast_math.h"
 #include "render/tiles/sh_math.h"
 

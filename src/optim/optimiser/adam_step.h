@@ -1,5 +1,5 @@
-// Last part of an iteration in one pass: from the image gradients of a view's splats to the
-// Gaussians' new parameters. The gradients of parameters never go through memory.
+// From the image gradients of a view's splats to the Gaussians' new parameters in one pass: the
+// gradients of parameters never go through memory.
 #pragma once
 
 #include "optim/optimiser/adam_math.h"

@@ -5,29 +5,13 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "optim/views/matchable.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr double kBeta1 = 0.9, kBeta2 = 0.99, kEps = 1e-12;
 constexpr std::size_t kPoints = 4000;  // sample of the initial cloud, for the depth of a view
-
-/// Median depth of the initial points that a view sees; if it sees none, of all points in front of
-/// it; 1 without any.
-double scene_depth(const Camera& camera, const std::vector<Vec3f>& points) {
-    std::vector<float> seen, before;
-    const std::size_t every = std::max<std::size_t>(1, points.size() / kPoints);
-    for (std::size_t i = 0; i < points.size(); i += every) {
-        const float z = (camera.camera_from_world * points[i]).z;
-        if (z > 0) before.push_back(z);
-        if (is_in_view(camera, points[i])) seen.push_back(z);
-    }
-    std::vector<float>& depths = seen.empty() ? before : seen;
-    if (depths.empty()) return 1;
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-    std::nth_element(depths.begin(), middle, depths.end());
-    return static_cast<double>(*middle);
-}
 
 double dot_of(const std::vector<double>& a, const double* b) {
     double sum = 0;
@@ -44,9 +28,8 @@ Vec3d vec_at(const double* x) {
 
 using Sym6 = std::array<std::array<double, 6>, 6>;
 
-/// Inner product of motions of a view: how they move images, averaged over its pixels and three
-/// depths around the scene's. The plain product of the numbers would fail: a rotation and a
-/// translation that cancel each other in the image must count as no motion.
+/// Inner product of motions of a view by how they move images, averaged over pixels and three
+/// depths: a rotation and a translation that cancel each other in the image count as no motion.
 Sym6 image_metric(const Camera& c, double f, double depth) {
     Sym6 H{};
     constexpr int kSteps = 5;
@@ -86,7 +69,10 @@ CameraRefinement::CameraRefinement(const Scene& scene, const CameraOptions& opti
         const Camera& c = view.camera;
         given_.push_back(c);
         const double f = 0.5 * (static_cast<double>(c.fx_px) + static_cast<double>(c.fy_px));
-        scale_.push_back({f, scene_depth(c, scene.points.positions)});
+        const std::vector<Vec3f>& points = scene.points.positions;
+        const double depth =
+            depth_of_view(c, points, std::max<std::size_t>(1, points.size() / kPoints));
+        scale_.push_back({f, depth > 0 ? depth : 1});
     }
     cameras_ = given_;
     numbers_.assign(3 * parameters() + 1, 0);
@@ -135,16 +121,6 @@ void CameraRefinement::find_gauge() {
     }
 }
 
-void CameraRefinement::remove_gauge() {
-    for (std::size_t g = 0; g < gauge_.size(); g += 2)
-        add_scaled(numbers_.data(), -dot_of(gauge_[g + 1], numbers_.data()), gauge_[g]);
-}
-
-void CameraRefinement::keep_bounds() {
-    const double most = static_cast<double>(options_.bound_px);
-    for (int i = 0; i < views(); ++i) shorten(motion(i), most), shorten(motion(i) + 3, most);
-}
-
 void CameraRefinement::place() {
     for (int i = 0; i < views(); ++i) {
         const auto at = static_cast<std::size_t>(i);
@@ -181,8 +157,10 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
         v[k] = kBeta2 * v[k] + (1 - kBeta2) * by[k] * by[k];
         x[k] -= rate * (m[k] / correct1) / (std::sqrt(v[k] / correct2) + kEps);
     }
-    remove_gauge();
-    keep_bounds();
+    for (std::size_t g = 0; g < gauge_.size(); g += 2)
+        add_scaled(x, -dot_of(gauge_[g + 1], x), gauge_[g]);
+    const double most = static_cast<double>(options_.bound_px);
+    for (int i = 0; i < views(); ++i) shorten(motion(i), most), shorten(motion(i) + 3, most);
     place();
 }
 

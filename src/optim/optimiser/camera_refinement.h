@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "core/scene/scene.h"
@@ -25,8 +24,7 @@ struct CameraOptions {
         field("rate", rate, {0, 10},
               "largest step of a pose number per round of all views, pixels; decays to 0");
         field("prior", prior, {0, 1e6},
-              "pull towards the given poses: adds half of it times the squared pixels to the loss; "
-              "0: none");
+              "pull to the given poses: half of it times the squared pixels is a loss; 0: none");
         field("bound_px", bound_px, {1e-3, 1e4},
               "largest turn and shift of a view, pixels at the depth of the scene");
     }
@@ -38,18 +36,18 @@ struct CameraMove {
     double turn_deg;
 };
 
-/// Poses of all training views with Adam's moments. They stay on the host: they are few, and step
-/// once per round of all views. Numbers are in pixels: a rotation of x moves the image by f x
-/// pixels, a translation of x moves points at the scene's depth d by f x / d.
+/// Poses of all training views with Adam's moments, on the host; they step once per round of all
+/// views. In pixels: a rotation of x moves the image by f x, a translation of x moves points at the
+/// scene's depth d by f x / d.
 class CameraRefinement {
 public:
     CameraRefinement(const Scene& scene, const CameraOptions& options);
 
     int views() const { return static_cast<int>(given_.size()); }
 
-    /// Takes a step along `gradients` [views kCameraParameters], laid out as CameraGradient. The
-    /// gradients of a view count as 0 unless all are finite. Removes the motion that all views
-    /// share, a similarity transform of the whole scene: it changes the frame and no image.
+    /// Takes a step along `gradients` [views kCameraParameters], laid out as CameraGradient; those
+    /// of a view count as 0 unless all are finite. Removes the motion that all views share: a
+    /// similarity transform of the scene changes no image.
     void step(const std::vector<double>& gradients, double rate);
 
     const std::vector<Camera>& cameras() const { return cameras_; }
@@ -69,8 +67,6 @@ private:
     double* motion(int view) { return numbers_.data() + 6 * view; }
     const double* motion(int view) const { return numbers_.data() + 6 * view; }
     void find_gauge();
-    void remove_gauge();
-    void keep_bounds();
     void place();
 
     CameraOptions options_;

@@ -51,8 +51,7 @@ struct ExposureState {
     int steps;
 };
 
-/// Exposure is applied and fitted only where a render resembles its photograph: where the loss of
-/// the SSIM term, which stays on the device, is below `limit`.
+/// Exposure is applied only where a render resembles its photograph: SSIM loss below `limit`.
 struct ExposureGate {
     const double* ssim_loss;
     double limit;
@@ -139,8 +138,7 @@ public:
         gradient_.fill_zero();
     }
 
-    /// Adds the L1 term with the view's exposure, and keeps the gradient for step(). `ssim_loss`
-    /// must be computed before.
+    /// Adds the L1 term with the view's exposure, and keeps the gradient for step().
     void add_l1(const LossInputs<Device>& in,
                 const ComparedPhoto& compared,
                 int views,

@@ -1,11 +1,12 @@
-// Masks and backgrounds: replaces masked pixels of the render and its photograph before they are
-// compared, and defines the background behind the splats. [docs/method/masks.md]
+// Masks of the render and its photograph, and the background.  [docs/method/masks.md]
 #pragma once
 
+#include <charconv>
 #include <cstdint>
 #include <string>
 
 #include "core/device/parallel.h"
+#include "core/error.h"
 #include "core/math/rng.h"
 #include "core/scene/scene.h"
 #include "core/scene/sky_map.h"
@@ -41,9 +42,28 @@ struct PhotoBackground {
     bool black() const { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
 };
 
-/// Parses "none", "black", "white", "random", "sky", or "R,G,B" from 0 to 255. Throws
-/// Error(ExitCode::usage).
-PhotoBackground parse_background(const std::string& text);
+/// Throws Error(ExitCode::usage).
+inline PhotoBackground parse_background(const std::string& text) {
+    using enum PhotoBackground::Kind;
+    if (text == "none") return {};
+    if (text == "black") return {constant, {0, 0, 0}};
+    if (text == "white") return {constant, {255, 255, 255}};
+    if (text == "random") return {random, {0, 0, 0}};
+    if (text == "sky") return {sky, {0, 0, 0}};
+    PhotoBackground given{constant, {0, 0, 0}};
+    const char *at = text.data(), *const end = at + text.size();
+    for (int c = 0; c < 3; ++c) {
+        const auto [next, error] = std::from_chars(at, end, given.color[c]);
+        const bool last = c == 2, good = error == std::errc{} &&
+                                         (last ? next == end : next != end && *next == ',');
+        if (!good)
+            throw Error(ExitCode::usage,
+                        str("loss.photometric.background: '", text,
+                            "'; expected none, black, white, random, sky, or R,G,B from 0 to 255"));
+        at = next + (last ? 0 : 1);
+    }
+    return given;
+}
 
 inline constexpr const char* kRandomNeedsObject =
     "loss.photometric.background is random, which needs object masks; give --mask-use object, or "

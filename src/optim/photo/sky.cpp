@@ -20,8 +20,7 @@ constexpr int kOthers = 8;   // views that each view is compared with
 constexpr double kMove = 3;  // blocks by which far points must move between two compared views
 constexpr double kFarPoints = 0.9;   // quantile of a view's depths that counts as far
 constexpr double kLeastSeen = 0.01;  // smallest comparable share of the blocks
-// Smallest deviation, smallest correlation, largest difference of grey levels from 0 to 1, in full
-// light.
+// Least deviation, least correlation, largest difference of grey levels (0 to 1, full light).
 constexpr double kTextured = 0.02, kAlike = 0.85, kSame = 0.06;
 
 /// A view reduced to the means of blocks of pixels.
@@ -197,8 +196,7 @@ public:
         }
         return out;
     }
-    /// Numbers of blocks: all; textured ones that another view would see if they were far; far
-    /// ones.
+    /// Numbers of blocks: all, textured ones that another view would see if far, far ones.
     std::array<std::ptrdiff_t, 3> counts() const {
         std::array<std::ptrdiff_t, 3> out{std::ssize(far_), 0, 0};
         for (std::size_t i = 0; i < far_.size(); ++i)
@@ -259,8 +257,7 @@ struct Texel {
     float weight = 0;
 };
 
-/// Fills texels below full weight from their neighbourhood. [Gortler et al. 1996, The Lumigraph,
-/// 3.4]
+/// Fills texels below full weight from around. [Gortler et al. 1996, The Lumigraph, 3.4]
 void fill_gaps(std::vector<Texel>& texels, int size) {
     if (size == 1) return;
     const int half = size / 2;
@@ -298,8 +295,7 @@ void fill_gaps(std::vector<Texel>& texels, int size) {
     });
 }
 
-/// Size of the sky map: the smallest power of two with a texel per pixel; limited, as the whole map
-/// is in memory.
+/// The smallest power of two with a texel per pixel; limited, as the map is in memory.
 int sky_size(const std::vector<View>& views) {
     constexpr int kLeast = 64, kMost = 2048;
     std::vector<double> focal;

@@ -29,8 +29,7 @@ struct FarPixels {
 
 struct SkyDetection {
     std::vector<FarPixels> views;  // of the training views; empty: not searched
-    /// Far blocks divided by textured blocks that another view would see if they were far; NaN: too
-    /// few of these.
+    /// Far blocks / textured blocks that another view would see if far; NaN: too few of these.
     double share = std::numeric_limits<double>::quiet_NaN();
 };
 

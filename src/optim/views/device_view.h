@@ -1,37 +1,17 @@
 // A training view in device memory, and the names of the maps that terms use.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <initializer_list>
+#include <set>
 #include <string_view>
 #include <vector>
 
 #include "core/scene/camera.h"
-#include "core/scene/scene.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
 
-/// Set of map names of a view, at most eight.
-class MapNames {
-public:
-    constexpr MapNames() = default;
-    constexpr MapNames(std::initializer_list<std::string_view> names) {
-        for (const std::string_view name : names) add(name);
-    }
-    constexpr void add(std::string_view name) {
-        if (std::find(begin(), end(), name) == end())
-            names_.at(static_cast<std::size_t>(count_++)) = name;
-    }
-    constexpr const std::string_view* begin() const { return names_.data(); }
-    constexpr const std::string_view* end() const { return names_.data() + count_; }
-    constexpr bool empty() const { return count_ == 0; }
-
-private:
-    std::array<std::string_view, 8> names_{};
-    int count_ = 0;
-};
+/// Names of maps of a view.
+using MapNames = std::set<std::string_view>;
 
 /// A ViewMap on the device.
 template <class Device>
@@ -40,6 +20,24 @@ struct DeviceMap {
     int width_px = 0, height_px = 0, channels = 1;
     Buffer<float, Device> values;  // [height width channels]; empty: this view has no such map
 };
+
+/// Mean over the channels of the absolute difference of two pixels of a photograph [H W 3], 0 to 1.
+TVSGS_HD inline float color_difference(const std::uint8_t* photo, int p, int q) {
+    int sum = 0;
+    for (int c = 0; c < 3; ++c) {
+        const int d = photo[3 * p + c] - photo[3 * q + c];
+        sum += d < 0 ? -d : d;
+    }
+    return static_cast<float>(sum) / (3 * 255);
+}
+
+/// Edge strength of an interior pixel: the larger central difference of both axes, 0 to 1.
+TVSGS_HD inline float edge_strength(const std::uint8_t* photo, int width, int x, int y) {
+    const int at = y * width + x;
+    const float horizontal = color_difference(photo, at + 1, at - 1),
+                vertical = color_difference(photo, at + width, at - width);
+    return horizontal > vertical ? horizontal : vertical;
+}
 
 /// A training view on the device.
 template <class Device>

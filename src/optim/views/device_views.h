@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -10,7 +9,6 @@
 #include "core/device/parallel.h"
 #include "core/scene/scene.h"
 #include "optim/losses/loss.h"
-#include "optim/photo/edge_strength.h"
 
 namespace tvsgs {
 
@@ -37,8 +35,7 @@ struct GreyBody {
 }  // namespace detail
 
 /// Holds all photographs and maps on the device if they fit into `budget` bytes, or if `budget` is
-/// 0. Otherwise holds views_in_use() views at a time and replaces them as get() requires. The
-/// choice does not depend on the device.
+/// 0. Otherwise holds views_in_use() views at a time and replaces them as get() requires.
 template <class Device>
 class DeviceViews {
 public:
@@ -50,7 +47,7 @@ public:
         for (std::size_t i = 0; i < views.size(); ++i) {
             views_[i].index = static_cast<int>(i);
             describe(views[i], needs, views_[i], hosts_[i]);
-            const auto& arrays = hosts_[i].arrays;
+            const Host& arrays = hosts_[i];
             most.resize(arrays.size());
             for (std::size_t a = 0; a < arrays.size(); ++a) {
                 const std::size_t there = arrays[a].bytes_there();
@@ -62,7 +59,7 @@ public:
             Buffer<std::uint8_t, Device> raw;
             for (std::size_t i = 0; i < views.size(); ++i)
                 for_each_buffer(views_[i], [&](std::size_t a, auto& buffer) {
-                    const Array& from = hosts_[i].arrays[a];
+                    const Array& from = hosts_[i][a];
                     set_bytes(buffer, from.bytes_there());
                     if (from.how == How::as_is) {
                         detail::copy(Cpu{}, from.data, Device{}, buffer.data(), from.bytes);
@@ -79,10 +76,10 @@ public:
         }
         uploads_.resize(static_cast<std::size_t>(views_in_use(needs)));
         for (Upload& upload : uploads_) {
-            upload.memory.maps.resize(needs_maps(needs));
+            upload.memory.maps.resize(needs.view_maps.size());
             std::size_t raw = 0;  // bytes of a mask
             for (const Host& host : hosts_)
-                for (const Array& array : host.arrays)
+                for (const Array& array : host)
                     if (array.how == How::unit_floats) raw = std::max(raw, array.bytes);
             upload.raw.resize(raw);
             for_each_buffer(upload.memory, [&](std::size_t a, auto& buffer) {
@@ -103,8 +100,8 @@ public:
         for (std::size_t i = 0; i < views_.size(); ++i) views_[i].camera = cameras[i];
     }
 
-    /// Returns the view with its photographs and maps. They stay valid until get() or prefetch()
-    /// has been called for views_in_use() other views.
+    /// The view's photographs and maps stay valid until get() or prefetch() has been called for
+    /// views_in_use() other views.
     const DeviceView<Device>& get(int view) {
         if (!all_resident()) {
             Upload& upload = bring(view);
@@ -120,12 +117,11 @@ public:
     }
 
 private:
-    /// Processing of an array on the device: bytes b to b / 255, or a photograph to grey levels. On
-    /// the host the results of all views would take memory.
+    /// Processing of an array on the device: bytes b to b / 255, or a photograph to grey levels.
     enum class How { as_is, unit_floats, grey };
     struct Array {
-        const void* data;
-        std::size_t bytes;
+        const void* data = nullptr;
+        std::size_t bytes = 0;
         How how = How::as_is;
 
         std::size_t bytes_there() const {
@@ -134,9 +130,7 @@ private:
                                            : bytes;
         }
     };
-    struct Host {
-        std::vector<Array> arrays;  // in the order of for_each_buffer()
-    };
+    using Host = std::vector<Array>;  // in the order of for_each_buffer()
     struct Upload {
         DeviceView<Device> memory;  // swapped with the view while the view uses it
         std::vector<CopyLane<Device>> lanes;
@@ -171,13 +165,10 @@ private:
     static void set_bytes(Buffer<T, Device>& buffer, std::size_t bytes) {
         buffer.resize(bytes / sizeof(T));
     }
-    static std::size_t needs_maps(const LossNeeds& needs) {
-        return static_cast<std::size_t>(needs.view_maps.end() - needs.view_maps.begin());
-    }
 
     template <class Values>
-    static Array array_of(const Values& values) {
-        return {values.data(), values.size() * sizeof(*values.data())};
+    static Array array_of(const Values& values, How how = How::as_is) {
+        return {values.data(), values.size() * sizeof(*values.data()), how};
     }
 
     static void describe(const View& from,
@@ -186,7 +177,7 @@ private:
                          Host& host) {
         const ImageU8& photo = from.photo;
         to.camera = from.camera;
-        host.arrays.push_back(array_of(photo.pixels));
+        host.push_back(array_of(photo.pixels));
         if (needs.edges) {
             float low = 1, high = 0;
             for (int y = 1; y + 1 < photo.height; ++y)
@@ -196,48 +187,33 @@ private:
                 }
             to.edge_min = low, to.edge_max = std::max(low, high);
         }
-        describe_grey(from, needs.grey, to, host);
-        for (const std::string_view name : needs.view_maps) describe_map(from, name, to, host);
-    }
-
-    static void describe_grey(const View& from, bool needed, DeviceView<Device>& to, Host& host) {
-        const bool given = !from.grey.empty();
-        const ImageU8& image = given ? from.grey : from.photo;
-        if (!needed) {
-            host.arrays.push_back({nullptr, 0});
-            return;
+        Array grey;
+        if (needs.grey) {
+            const ImageU8& image = from.grey.empty() ? photo : from.grey;
+            to.grey_width = image.width, to.grey_height = image.height;
+            grey = array_of(image.pixels, from.grey.empty() ? How::grey : How::as_is);
         }
-        to.grey_width = image.width, to.grey_height = image.height;
-        host.arrays.push_back(array_of(image.pixels));
-        if (!given) host.arrays.back().how = How::grey;
+        host.push_back(grey);
+        for (const std::string_view name : needs.view_maps)
+            host.push_back(describe_map(from, name, to.maps.emplace_back()));
     }
 
-    /// Does nothing where the view has no such map.
-    static void describe_map(const View& from,
-                             std::string_view name,
-                             DeviceView<Device>& to,
-                             Host& host) {
-        DeviceMap<Device>& map = to.maps.emplace_back();
+    /// Returns an empty array where the view has no such map.
+    static Array describe_map(const View& from, std::string_view name, DeviceMap<Device>& map) {
         map.name = name;
         if (name == "mask") {
             map.width_px = from.mask.width, map.height_px = from.mask.height;
-            host.arrays.push_back(array_of(from.mask.pixels));
-            host.arrays.back().how = How::unit_floats;
-            return;
+            return array_of(from.mask.pixels, How::unit_floats);
         }
         const auto found = std::find_if(from.maps.begin(), from.maps.end(),
                                         [&](const ViewMap& m) { return m.name == name; });
-        if (found == from.maps.end()) {
-            host.arrays.push_back({nullptr, 0});
-            return;
-        }
+        if (found == from.maps.end()) return {};
         map.width_px = found->width_px, map.height_px = found->height_px;
         map.channels = found->channels;
-        host.arrays.push_back(array_of(found->values));
+        return array_of(found->values);
     }
 
-    /// Returns the upload that holds the view or is copying it. If there is none, reuses the least
-    /// recently used upload and starts the copy.
+    /// Returns the upload of the view; if there is none, starts it in the least recently used one.
     Upload& bring(int view) {
         auto upload = std::find_if(uploads_.begin(), uploads_.end(),
                                    [view](const Upload& u) { return u.view == view; });
@@ -252,7 +228,7 @@ private:
             for_each_buffer(
                 views_[static_cast<std::size_t>(view)], [&](std::size_t a, auto& buffer) {
                     // Shrinking keeps the memory, and no view's array is larger.
-                    const Array& from = host.arrays[a];
+                    const Array& from = host[a];
                     set_bytes(buffer, from.bytes_there());
                     if (from.how == How::grey) return;
                     void* const to = from.how == How::as_is ? static_cast<void*>(buffer.data())
@@ -271,8 +247,7 @@ private:
         DeviceView<Device>& view = views_[static_cast<std::size_t>(upload.view)];
         const Host& host = hosts_[static_cast<std::size_t>(upload.view)];
         for_each_buffer(view, [&](std::size_t a, auto& buffer) {
-            if (host.arrays[a].how != How::as_is)
-                make(std::as_const(upload.raw).span(), view, buffer);
+            if (host[a].how != How::as_is) make(std::as_const(upload.raw).span(), view, buffer);
         });
     }
 

@@ -40,11 +40,19 @@ double median_depth(const std::vector<Sighting>& seen) {
     return lower_median(depths);
 }
 
-namespace {
-
-constexpr double kFlat = 2;  // grey levels in full light
-
-}  // namespace
+double depth_of_view(const Camera& camera, const std::vector<Vec3f>& points, std::size_t stride) {
+    std::vector<double> seen, before;
+    for (std::size_t i = 0; i < points.size(); i += stride) {
+        const float z = (camera.camera_from_world * points[i]).z;
+        if (z > 0) before.push_back(z);
+        if (is_in_view(camera, points[i])) seen.push_back(z);
+    }
+    std::vector<double>& depths = seen.empty() ? before : seen;
+    if (depths.empty()) return 0;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return *middle;
+}
 
 Matchable::Matchable(const View& view,
                      const std::vector<View>& views,

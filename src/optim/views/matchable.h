@@ -8,8 +8,7 @@
 
 namespace tvsgs {
 
-/// Bounds of start points per matchable pixel. Decisions that depend on the coverage by the cloud
-/// change in proportion between them.
+/// Start points per matchable pixel between which decisions change in proportion.
 inline constexpr double kSparseCloud = 0.02, kCoveringCloud = 0.1;
 inline double covered_share(double points_per_pixel) {
     const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
@@ -33,9 +32,12 @@ std::vector<Sighting> sightings(const Camera& camera,
 /// Median depth; NaN if empty.
 double median_depth(const std::vector<Sighting>& seen);
 
+/// Median depth of every `stride`-th point, of those that the camera sees; if it sees none, of
+/// those in front of it; 0 without any.
+double depth_of_view(const Camera& camera, const std::vector<Vec3f>& points, std::size_t stride);
+
 /// Tells which pixels of a view stereo could match: inside the mask, textured, and inside another
-/// view's image. Textured: the means of 2 x 2 pixels vary by more than noise within ten pixels, by
-/// two grey levels in full light.
+/// view's image. Textured: the means of 2 x 2 pixels vary by more than noise within ten pixels.
 /// [docs/method/masks.md#pixels-that-could-be-matched]
 class Matchable {
 public:
@@ -64,6 +66,8 @@ private:
     bool is_textured(int x, int y) const;
     bool is_in_other_view(int x, int y) const;
 
+    static constexpr double kFlat = 2;  // grey levels in full light
+
     const View& view_;
     double flat_;  // deviation of an area without texture, grey levels
     bool masks_;
@@ -72,9 +76,8 @@ private:
     std::vector<const Camera*> others_;  // cameras whose image may contain surface of that depth
 };
 
-/// Open share around each point, 0 to 1: the share of pixels in a block near the point that stereo
-/// could match and that no neighbouring block covers; the maximum over all views. Logs how many
-/// points have a share above 0. [docs/guide/plan.md#growth-in-gaps]
+/// Open share around each point, 0 to 1: of pixels in a near block that stereo could match and that
+/// no neighbouring block covers; the maximum over all views.  [docs/guide/plan.md#growth-in-gaps]
 std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks);

@@ -52,8 +52,7 @@ struct ResolveDepthBody {
     }
 };
 
-/// A neighbour view. If it is rendered, losses pass derivatives to its depth map, and it runs its
-/// own backward pass.
+/// A neighbour view. If it is rendered, losses may pass derivatives to its depth map.
 template <class Device>
 class NeighbourView {
 public:
@@ -94,18 +93,17 @@ public:
 
     // Only for a rendered view:
     const RenderedImages<Device>& images() const { return *images_; }
-    /// [H W] of the reference: exp(-reprojection distance in px); 0 where the views cannot be
-    /// compared. A constant of the losses that fades out pixels that this view sees differently.
+    /// [H W] of the reference: exp(-reprojection distance in px), a constant of the losses; 0 where
+    /// the views cannot be compared.
     Span<const float> weight() const { return weight_.span(); }
     const Buffer<int, Device>& valid() const { return valid_; }        // [H W] 1 or 0
     const double* valid_count() const { return valid_count_.data(); }  // on the device
 
     /// [H W] of this view, cleared by this call. A term adds kFixedUnit times its derivatives by
     /// the logarithm of this view's depth, and has to call resolve_depth_gradients() before another
-    /// term calls this. Several pixels of the reference fall between the same pixels of this view,
-    /// so they are added atomically, as integers, whose sum has the same bits in any order. The
-    /// derivative by log depth is a distance in pixels, so one unit fits every scene: it resolves
-    /// 2^-32 px and holds 2,000 pixels of 10^6 px each.
+    /// term calls this. They are added atomically, as integers, whose sum has the same bits in any
+    /// order. The derivative by log depth is a distance in pixels: the unit resolves 2^-32 px and
+    /// holds 2,000 pixels of 10^6 px each.
     Span<std::int64_t> depth_gradients() {
         const std::size_t pixels = images_->depth.size();
         fixed_.resize(pixels);
@@ -146,8 +144,7 @@ private:
     ImageGradients<Device> dL_dimages_;
 };
 
-/// The neighbour views of one step, drawn from the views paired with the current view; the first
-/// ones are rendered.
+/// The neighbour views of one step, drawn from the pairs of its view; the first are rendered.
 template <class Device>
 class NeighbourViews {
 public:

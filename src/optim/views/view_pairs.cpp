@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "core/log.h"
+#include "optim/views/matchable.h"
 
 namespace tvsgs {
 namespace {
@@ -13,28 +14,6 @@ struct Candidate {
     double distance, angle_deg;  // distance in the unit of the limits
     int view;
 };
-
-/// Median depth of the initial points inside the image; without any, of the points in front of the
-/// camera; 0 without any.
-double median_depth_of(const View& view, const std::vector<Vec3f>& points) {
-    const std::size_t stride = 1 + points.size() / 5000;  // enough for a median
-    std::vector<double> inside, in_front;
-    for (std::size_t i = 0; i < points.size(); i += stride) {
-        const Camera& c = view.camera;
-        const Vec3f p = c.camera_from_world * points[i];
-        if (!(p.z > 0)) continue;
-        in_front.push_back(p.z);
-        const float x = c.fx_px * p.x / p.z + c.cx_px, y = c.fy_px * p.y / p.z + c.cy_px;
-        if (x >= 0 && x < static_cast<float>(c.width_px) && y >= 0 &&
-            y < static_cast<float>(c.height_px))
-            inside.push_back(p.z);
-    }
-    std::vector<double>& depths = inside.empty() ? in_front : inside;
-    if (depths.empty()) return 0;
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-    std::nth_element(depths.begin(), middle, depths.end());
-    return *middle;
-}
 
 bool is_nearer(const Candidate& a, const Candidate& b) {
     return std::tie(a.distance, a.angle_deg, a.view) < std::tie(b.distance, b.angle_deg, b.view);
@@ -45,7 +24,7 @@ struct Stand {
 };
 
 /// Other views at a distance between `low` and `high`, nearest first, and the nearest of all other
-/// views (view -1 if there is none). Of thousands of views only a few are that near.
+/// views (view -1 if there is none).
 struct Others {
     std::vector<Candidate> within;
     Candidate nearest{INFINITY, INFINITY, -1};
@@ -82,9 +61,11 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
     Found found;
     ViewPairs& result = found.result;
     result.of_view.resize(scene.train.size());
+    const std::vector<Vec3f>& points = scene.points.positions;
     std::vector<double> depths;
     for (const View& view : scene.train)
-        depths.push_back(relative ? median_depth_of(view, scene.points.positions) : 1);
+        depths.push_back(relative ? depth_of_view(view.camera, points, 1 + points.size() / 5000)
+                                  : 1);  // enough points for a median
 
     std::vector<Stand> stands;
     for (const View& view : scene.train)

@@ -9,9 +9,8 @@
 
 namespace tvsgs {
 
-/// Unit of the limits on the distance between two cameras. Official limits are world units, which
-/// fit scenes normalised as by PGSR's authors; in millimetres, or for few wide views, they silently
-/// leave no pairs. Relative limits are multiples of the view's median depth.
+/// Unit of the limits on the distance between two cameras: world units, which fit scenes normalised
+/// as by PGSR's authors, or multiples of the view's median depth.
 enum class PairLimits { official, relative };
 
 struct ViewPairOptions {
@@ -30,8 +29,7 @@ struct ViewPairOptions {
         field("max_angle_deg", max_angle_deg, {0, 180},
               "largest angle between the optical axes, degrees");
         field("fallback_angle_deg", fallback_angle_deg, {0, 180},
-              "largest angle for views without a neighbour within max_angle_deg, degrees; used if "
-              "larger");
+              "the same for views without a neighbour within max_angle_deg, if larger");
         field("min_distance", min_distance, {0, 1e9},
               "smallest distance between the cameras, world units");
         field("max_distance", max_distance, {0, 1e9},

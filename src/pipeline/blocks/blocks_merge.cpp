@@ -7,7 +7,6 @@
 #include "core/scene/splat_lists.h"
 #include "optim/growth/fixed_splats.h"
 #include "optim/growth/splat_order.h"
-#include "optim/growth/splat_planes.h"
 #include "render/ewa/projection_math.h"
 
 namespace tvsgs {
@@ -77,9 +76,9 @@ Gaussians<Cpu> join_splats(const std::vector<Gaussians<Cpu>>& parts, int sh_degr
         const Gaussians<Cpu> same = with_sh_degree(part, sh_degree);
         for_each_array(
             [&](const SplatArray& array, const auto& from, auto& to) {
-                if (!array.optional)
-                    over_planes<CopyPlaneBody>(from, part.size(), to, all, first, part.size(),
-                                               array.planes);
+                for (std::size_t p = 0; !array.optional && p < std::size_t(array.planes); ++p)
+                    std::copy_n(from.data() + p * part.size(), part.size(),
+                                to.data() + p * all + first);
             },
             same, joined);
         first += part.size();

@@ -34,7 +34,7 @@ MapNames to_make(const View& view, const MapNames& wanted) {
     for (const std::string_view name : wanted)
         if (std::find(std::begin(kMade), std::end(kMade), name) != std::end(kMade) &&
             lacks(view, name))
-            made.add(name);
+            made.insert(name);
     return made;
 }
 

@@ -17,8 +17,8 @@ namespace tvsgs {
 
 std::vector<int> phases_of(const TrainOptions& options) {
     std::vector<int> phases;
-    LossOptions::terms(options.loss, [&]<class Entry>(const auto& term) {
-        if (!(term.weight > 0) || std::string_view(Entry::kKey) == "photometric") return;
+    LossOptions::terms(options.loss, [&](auto, std::string_view key, const auto& term, auto) {
+        if (!(term.weight > 0) || key == "photometric") return;
         term.first_iterations(term, [&](const char*, int first) { phases.push_back(first); });
     });
     if (options.tv.enabled) phases.push_back(options.tv.start);

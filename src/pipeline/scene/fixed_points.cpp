@@ -12,7 +12,6 @@
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/scene_reader.h"
-#include "optim/growth/fixed_voters.h"
 #include "optim/growth/init_cloud.h"
 #include "pipeline/run/run_folder.h"
 
