@@ -17,8 +17,8 @@ constexpr int kDenseViews = 40;
 constexpr double kModelCovers = 0.4, kStereoPoints = 0.6;
 constexpr std::size_t kLeastPoints = 100;  // to start from
 constexpr double kLeastCovered = 0.01;     // share of the photographs
-// Masks: share of the initial points outside; share of the images' border outside, from which on
-// they are of an object, with full coverage kObjectSlope above it.
+// Masks: share of the initial points outside; share of the images' border outside that makes them
+// masks of an object, and of full coverage above it.
 constexpr double kMatchedOutside = 0.5, kObjectBorder = 0.1, kObjectSlope = 0.3, kCoverage = 0.1;
 // Share of the textured pixels that two views see alike in the same direction.
 constexpr double kSky = 0.02;
@@ -136,6 +136,20 @@ Decision decide_sky(double share) {
             kSky,
             settings,
             on ? "sky behind the splats" : ""};
+}
+
+Decision decide_background(double share_beyond, bool masked) {
+    constexpr double kMuch = 0.05;
+    const bool meshed = share_beyond >= kMuch;
+    return {"mesh bounds",
+            meshed ? "unbounded" : "twice the object's distance",
+            std::isnan(share_beyond)
+                ? std::string("the distance of the points is not known")
+                : str(percent(share_beyond), " of the points", masked ? " inside the masks" : "",
+                      " lie farther, unbounded from ", percent(kMuch), " on"),
+            share_beyond,
+            kMuch,
+            {{"mesh.unbounded", meshed ? "true" : "false"}}};
 }
 
 Decision decide_coverage(double measured, double given) {

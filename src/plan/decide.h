@@ -21,15 +21,13 @@ inline constexpr const char *kFewPhotographs = "few photographs",
 /// Keeps photographs that do not fit into memory in a file. Empty: they fit.
 std::vector<Decision> decide_photographs(const PhotoStorage& storage);
 
-/// The preset: the settings to start from. That of many photographs has no votes, which measured
-/// points need.
+/// The preset. That of many photographs has no votes, which measured points need.
 Decision decide_settings(int train_views, bool measured_points);
 
 /// Whether and how masks are used. Empty: there are none.
 std::vector<Decision> decide_masks(const MaskLook& look);
 
-/// Whether stereo makes a cloud in place of the scene's own. `dense`: the settings that were
-/// chosen.
+/// Whether stereo makes a cloud in place of the scene's own. `dense`: many photographs.
 Decision decide_cloud(const SceneLook& look, bool dense);
 
 /// Why a training cannot start from these points; empty: it can.
@@ -37,6 +35,9 @@ std::string start_fault(const StartLook& look);
 
 /// Whether a sky is drawn behind the splats. `share`: SkyDetection::share.
 Decision decide_sky(double share);
+
+/// Whether surfaces far behind the scene's centre are meshed. `masked`: of points inside masks.
+Decision decide_background(double share_beyond, bool masked = false);
 
 /// States that the training is planned for `given` points per pixel instead of the measured ones.
 Decision decide_coverage(double measured, double given);

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/scene/photo_light.h"
+#include "mesh/fuse/focus.h"
 #include "plan/figures.h"
 
 namespace tvsgs {
@@ -39,9 +40,8 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
     return patch;
 }
 
-/// Logarithm of the ratio of two patches' brightness. Nothing for patches that differ, because
-/// another surface hides the point from a view, or that are flat, dark or saturated. `light`: of
-/// the darker view.
+/// Logarithm of the ratio of two patches' brightness. Nothing for patches that differ, are flat,
+/// dark or saturated. `light`: of the darker view.
 std::optional<double> log_gain(const Patch& a, const Patch& b, const PhotoLight& light) {
     const auto mean = [](const Patch& p) {
         return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
@@ -60,8 +60,7 @@ std::optional<double> log_gain(const Patch& a, const Patch& b, const PhotoLight&
     return std::log(mean_a / mean_b);
 }
 
-/// For every view the view whose optical axis is nearest, within 30 degrees; -1: none. Two views
-/// this near hide few points from each other.
+/// For every view the view whose optical axis is nearest, within 30 degrees; -1: none.
 std::vector<int> nearest_views(const Scene& scene) {
     const int views = static_cast<int>(scene.train.size());
     std::vector<Vec3d> axes;
@@ -266,6 +265,26 @@ StartLook look_at_start(const std::vector<View>& train,
         }
     }
     return {points.size(), all > 0 ? static_cast<double>(covered) / static_cast<double>(all) : 0};
+}
+
+double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points) {
+    const std::optional<Focus> focus = find_focus(cameras);
+    if (!focus || !(focus->radius > 0)) return NAN;
+    constexpr std::size_t kSample = 4000;
+    const double limit = kDepthLimit * focus->radius;
+    int seen = 0, beyond = 0;
+    for (std::size_t i = 0; i < points.size(); i += 1 + points.size() / kSample) {
+        int views = 0;
+        bool far = true;
+        for (const Camera& camera : cameras) {
+            if (!is_in_view(camera, points[i])) continue;
+            ++views;
+            far = far && static_cast<double>((camera.camera_from_world * points[i]).z) >= limit;
+        }
+        if (views < 2) continue;
+        ++seen, beyond += far;
+    }
+    return seen > 0 ? static_cast<double>(beyond) / seen : NAN;
 }
 
 std::string coverage_text(double points_per_pixel) {

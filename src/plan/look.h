@@ -31,13 +31,12 @@ struct SceneLook {
     double views_in_pairs = 0;       // share within loss.multi_view's relative limits
     double views_in_wide_pairs = 0;  // the same, up to kWideAngleDeg for views without a pair
     double pose_error = NAN;         // View::pose_error_px, median of the views that have one
-    /// Ratio of a view's brightness to that of its nearest view - 1, median over the points that
-    /// both see; the largest of the views. NaN: no two views share enough points.
+    /// Ratio of a view's brightness to its nearest view's - 1, median over common points; the
+    /// largest of the views. NaN: no two views share enough points.
     double exposure_drift = 0;
 };
 
-/// Measures about 4,000 of the initial points. `masks`: only pixels inside of masks count. `sky`:
-/// its pixels cannot be matched.
+/// `masks`: only pixels inside of masks count. `sky`: its pixels cannot be matched.
 SceneLook look_at(const Scene& scene,
                   const ViewPairOptions& limits,
                   bool masks = false,
@@ -54,13 +53,16 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
 
 struct StartLook {
     std::size_t points = 0;
-    /// Share of the photographs' cells, 64 along the longer side, that show a point. `masks`: of
-    /// the cells inside of masks.
+    /// Share of the photographs' cells (inside masks), 64 along the longer side, that show a point.
     double covered = 0;
 };
 StartLook look_at_start(const std::vector<View>& train,
                         const std::vector<Vec3f>& points,
                         bool masks);
+
+/// Share of the points in two or more images that lie at or beyond the depth limit of a bounded
+/// mesh in all of these. NaN: there are none, or the cameras look at no common point.
+double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points);
 
 /// "0.67 start points per textured pixel: enough", against kSparseCloud and kCoveringCloud.
 std::string coverage_text(double points_per_pixel);

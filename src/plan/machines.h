@@ -13,8 +13,7 @@ struct ExpectedSplats {
     std::int64_t count = 0;
     std::string source;
 };
-/// `first` without growth; the cap where the user sets it (`capped`); else a multiple of `first`, a
-/// guess. At most the limit of growth.
+/// `first` without growth; the cap if the user sets it (`capped`); else a multiple of `first`.
 ExpectedSplats expected_splats(const Scene& scene,
                                const TrainOptions& options,
                                std::int64_t first,

@@ -44,8 +44,7 @@ std::string unstated_parts(const std::string& reason, std::set<std::string>& sta
 
 class RunPlan {
 public:
-    /// Sets the decision's keys, except pinned ones. Where two decisions set a key, the later one
-    /// counts.
+    /// Sets the decision's keys, except pinned ones. The later of two decisions on a key counts.
     void apply(const Decision& decision, OptionTable& table);
     void apply(const std::vector<Decision>& decisions, OptionTable& table) {
         for (const Decision& decision : decisions) apply(decision, table);

@@ -20,9 +20,8 @@ struct TimePlan {
     std::string text() const;
 };
 
-/// Trains on `scene` for 40 steps, with the schedule fitted into them, and keeps nothing. Takes at
-/// most 5 s, or 20 s if steps are slow. `high` leaves room for phases that the trial did not reach.
-/// Throws as train() does.
+/// Trains on `scene` for 40 steps with the schedule fitted into them, at most 5 s, or 20 s if steps
+/// are slow. `high` leaves room for phases that the trial did not reach. Throws as train() does.
 TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOptions& options);
 
 }  // namespace tvsgs

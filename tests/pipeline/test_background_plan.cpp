@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "plan/background.h"
+#include "plan/decide.h"
 
 namespace tvsgs {
 namespace {

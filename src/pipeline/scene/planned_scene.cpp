@@ -8,7 +8,6 @@
 #include "pipeline/scene/initial_points.h"
 #include "pipeline/scene/mask_use.h"
 #include "pipeline/scene/sky.h"
-#include "plan/background.h"
 #include "plan/decide.h"
 #include "plan/machines.h"
 
