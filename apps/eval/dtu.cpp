@@ -7,7 +7,6 @@
 #include "eval/benchmark_files.h"
 #include "eval/dtu_files.h"
 #include "eval/dtu_protocol.h"
-#include "eval/frame_check.h"
 #include "io/files/manifest.h"
 #include "io/scene/npz_cameras.h"
 

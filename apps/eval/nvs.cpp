@@ -5,7 +5,7 @@
 #include "apps/eval/subcommands.h"
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
-#include "eval/lpips_weights.h"
+#include "eval/lpips.h"
 #include "io/files/json_value.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"

@@ -6,8 +6,6 @@
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/grouped.h"
-#include "eval/frame_check.h"
-#include "eval/tnt_curves.h"
 #include "eval/tnt_files.h"
 #include "eval/tnt_protocol.h"
 #include "io/files/atomic_file.h"

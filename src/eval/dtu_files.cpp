@@ -1,16 +1,16 @@
 #include "eval/dtu_files.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <numeric>
 
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
-#include "eval/benchmark_files.h"
 #include "io/files/mat_file.h"
+#include "io/files/read_file.h"
 #include "io/images/image_file.h"
 
 namespace tvsgs {
@@ -40,8 +40,7 @@ std::string find_in(const std::string& folder, int scan, const std::string& name
         std::error_code error;
         if (fs::is_regular_file(path, error)) return path;
     }
-    throw Error(ExitCode::input,
-                str((fs::path(folder) / name).string(), ": not found\n", distribution(scan)));
+    throw input_error((fs::path(folder) / name).string(), ": not found\n", distribution(scan));
 }
 
 ObservationMask read_mask(const std::string& path) {
@@ -50,21 +49,21 @@ ObservationMask read_mask(const std::string& path) {
     const bool fits = mask.shape.size() == 3 && box.shape == std::vector<std::int64_t>{2, 3} &&
                       size.numbers.size() == 1 && size.numbers[0] > 0;
     if (!fits)
-        throw Error(ExitCode::input, str("E_MAT: ", path,
-                                         ": expected ObsMask in three dimensions, BB 2x3 and one "
-                                         "positive number Res"));
+        throw input_error("E_MAT: ", path,
+                          ": expected ObsMask in three dimensions, BB 2x3 and one "
+                          "positive number Res");
     ObservationMask out;
     out.nx = static_cast<int>(mask.shape[0]), out.ny = static_cast<int>(mask.shape[1]),
     out.nz = static_cast<int>(mask.shape[2]);
-    out.seen.resize(mask.numbers.size());
-    for (std::size_t i = 0; i < out.seen.size(); ++i) out.seen[i] = mask.numbers[i] != 0;
+    for (const double value : mask.numbers) out.seen.push_back(value != 0);
     for (int axis = 0; axis < 3; ++axis) {
         // Column major; rounded to float as in the official code.
-        const auto at = 2 * static_cast<std::size_t>(axis);
-        out.lower[axis] = static_cast<double>(static_cast<float>(box.numbers[at]));
-        out.upper[axis] = static_cast<double>(static_cast<float>(box.numbers[at + 1]));
+        const auto bound = [&](int row) {
+            return double{static_cast<float>(box.numbers[2 * axis + row])};
+        };
+        out.lower[axis] = bound(0), out.upper[axis] = bound(1);
         if (!(out.lower[axis] <= out.upper[axis]))
-            throw Error(ExitCode::input, str("E_MAT: ", path, ": BB is not a box"));
+            throw input_error("E_MAT: ", path, ": BB is not a box");
     }
     out.voxel = size.numbers[0];
     return out;
@@ -73,44 +72,27 @@ ObservationMask read_mask(const std::string& path) {
 /// Indices of the views whose masks are used: "all", "first:N" or a list.
 std::vector<std::size_t> culling_views(const std::string& choice, std::size_t count) {
     std::vector<std::size_t> views;
-    if (choice == "none") return views;
     const bool first = choice.starts_with("first:");
     if (choice == "all" || first) {
         std::size_t n = count;
-        const char* const end = choice.data() + choice.size();
-        if (first) {
-            const auto [rest, code] = std::from_chars(choice.data() + 6, end, n);
-            if (code != std::errc{} || rest != end || n < 1 || n > count)
-                throw Error(ExitCode::usage,
-                            str("--cull ", choice, ": expected first:1 to first:", count));
-        }
-        for (std::size_t i = 0; i < n; ++i) views.push_back(i);
+        if (first && (!parse_number(choice.substr(6), n) || n < 1 || n > count))
+            throw Error(ExitCode::usage,
+                        str("--cull ", choice, ": expected first:1 to first:", count));
+        views.resize(n);
+        std::iota(views.begin(), views.end(), 0);
         return views;
     }
-    const char* at = choice.data();
-    const char* const end = at + choice.size();
-    while (at <= end) {
+    for (std::size_t at = 0, comma; at <= choice.size(); at = comma + 1) {
+        comma = std::min(choice.find(',', at), choice.size());
         std::size_t view = 0;
-        const auto [rest, code] = std::from_chars(at, end, view);
-        if (code != std::errc{} || (rest != end && *rest != ',') || view >= count)
+        if (!parse_number(choice.substr(at, comma - at), view) || view >= count)
             throw Error(ExitCode::usage, str("--cull ", choice,
                                              ": expected all, first:N, none or views by number, "
                                              "0 to ",
                                              count - 1));
         views.push_back(view);
-        at = rest + 1;
     }
     return views;
-}
-
-double diagonal(const std::vector<Vec3d>& points) {
-    Vec3d lower = points[0], upper = points[0];
-    for (const Vec3d p : points)
-        for (int axis = 0; axis < 3; ++axis) {
-            lower[axis] = std::min(lower[axis], p[axis]);
-            upper[axis] = std::max(upper[axis], p[axis]);
-        }
-    return norm(upper - lower);
 }
 
 }  // namespace
@@ -122,8 +104,8 @@ DtuTruth read_dtu_truth(const std::string& folder, int scan) {
     const std::string path = find_in(folder, scan, str("ObsMask/Plane", scan, ".mat"));
     const MatArray plane = read_mat_array(path, "P");
     if (plane.numbers.size() != 4)
-        throw Error(ExitCode::input, str("E_MAT: ", path, ": P has ", plane.numbers.size(),
-                                         " numbers, expected the 4 of a plane"));
+        throw input_error("E_MAT: ", path, ": P has ", plane.numbers.size(),
+                          " numbers, expected the 4 of a plane");
     truth.plane.emplace();
     std::copy(plane.numbers.begin(), plane.numbers.end(), truth.plane->begin());
     return truth;
@@ -135,9 +117,9 @@ std::string find_dtu_cameras(const std::string& cameras, const std::string& mask
     for (const char* name : {"cameras.npz", "cameras_sphere.npz"})
         for (const fs::path& folder : {fs::path(masks).parent_path(), fs::path(masks)})
             if (fs::is_regular_file(folder / name)) return (folder / name).string();
-    throw Error(ExitCode::input, str("--cull-masks ", masks,
-                                     ": no cameras.npz or cameras_sphere.npz in or beside it; "
-                                     "name the file with --cameras"));
+    throw input_error("--cull-masks ", masks,
+                      ": no cameras.npz or cameras_sphere.npz in or beside it; "
+                      "name the file with --cameras");
 }
 
 std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCulling& culling) {
@@ -147,9 +129,8 @@ std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCull
         if (entry.path().extension() == ".png") files.push_back(entry.path().string());
     std::sort(files.begin(), files.end());
     if (files.size() != cameras.views.size())
-        throw Error(ExitCode::input,
-                    str("E_MASK_COUNT: ", culling.masks, ": ", files.size(), " PNG files for ",
-                        cameras.views.size(), " cameras; masks and cameras must be of one scene"));
+        throw input_error("E_MASK_COUNT: ", culling.masks, ": ", files.size(), " PNG files for ",
+                          cameras.views.size(), " cameras; masks and cameras must be of one scene");
     std::vector<MaskView> views;
     const std::vector<std::size_t> chosen = culling_views(culling.views, files.size());
     for (const std::size_t i : chosen) {
@@ -159,26 +140,24 @@ std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCull
                          read_image(files[i], 1)});
         const int width = views.back().mask.width;
         if (std::abs(2 * camera.cx_px - width) > 0.2 * width)
-            throw Error(ExitCode::input,
-                        str("E_MASK_SIZE: ", files[i], ": ", width,
-                            " pixels wide, but the principal point of its camera is at ",
-                            camera.cx_px, "; expected masks of the size of the photographs"));
+            throw input_error("E_MASK_SIZE: ", files[i], ": ", width,
+                              " pixels wide, but the principal point of its camera is at ",
+                              camera.cx_px, "; expected masks of the size of the photographs");
     }
     const std::size_t before = mesh.vertices.size();
     const std::vector<std::size_t> removed = cull_by_masks(mesh, views, culling.dilate_px);
     if (before > 0 && mesh.vertices.empty()) {
         const auto most = std::max_element(removed.begin(), removed.end()) - removed.begin();
-        throw Error(ExitCode::input,
-                    str("E_CULL_ALL: the masks removed all ", grouped(before), " vertices; view ",
-                        chosen[static_cast<std::size_t>(most)], " alone removed ",
-                        grouped(removed[static_cast<std::size_t>(most)]),
-                        "; check --cameras, --mesh-units and the order of the masks"));
+        throw input_error("E_CULL_ALL: the masks removed all ", grouped(before), " vertices; view ",
+                          chosen[most], " alone removed ", grouped(removed[most]),
+                          "; check --cameras, --mesh-units and the order of the masks");
     }
     return before - mesh.vertices.size();
 }
 
 bool to_millimetres(PreciseMesh& mesh, const NpzCameras* cameras, const std::string& units) {
-    const double size = diagonal(mesh.vertices);
+    const PointBounds box = bounds_of(mesh.vertices);
+    const double size = norm(box.upper - box.lower);
     const bool normalised =
         units == "normalised" || (units == "auto" && cameras && size < 20 && cameras->scale > 20);
     if (normalised && !cameras)

@@ -3,8 +3,7 @@
 
 #include <string>
 
-#include "eval/dtu_protocol.h"
-#include "eval/mask_cull.h"
+#include "eval/benchmark_files.h"
 #include "io/scene/npz_cameras.h"
 
 namespace tvsgs {

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "eval/mesh_metrics.h"
-#include "eval/thin_points.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -20,9 +20,8 @@ struct Lattice {
     Vec3d origin, e1, e2;
     std::int64_t n1 = 0, n2 = 0;
 
-    Lattice(const std::vector<Vec3d>& vertices, Vec3i face, double spacing) {
-        const auto at = [&](int i) { return vertices[static_cast<std::size_t>(i)]; };
-        origin = at(face.x), e1 = at(face.y) - origin, e2 = at(face.z) - origin;
+    Lattice(const Points& vertices, Vec3i face, double spacing) {
+        origin = vertices[face.x], e1 = vertices[face.y] - origin, e2 = vertices[face.z] - origin;
         const double l1 = norm(e1), l2 = norm(e2), twice_area = norm(cross(e1, e2));
         if (!(twice_area > 0 && std::isfinite(twice_area))) return;
         const double cell = spacing * std::sqrt(l1 * l2 / twice_area);
@@ -54,14 +53,13 @@ bool in_box(const ObservationMask& mask, double patch, Vec3d p) {
 
 bool is_observed(const ObservationMask& mask, Vec3d p) {
     const int size[3] = {mask.nx, mask.ny, mask.nz};
-    std::size_t index[3];
-    for (int a = 0; a < 3; ++a) {
+    std::size_t index = 0;
+    for (int a = 2; a >= 0; --a) {
         const double cell = std::nearbyint((p[a] - mask.lower[a]) / mask.voxel);  // half to even
         if (!(cell >= 0 && cell < size[a])) return false;
-        index[a] = static_cast<std::size_t>(cell);
+        index = index * size[a] + static_cast<std::size_t>(cell);
     }
-    const auto nx = static_cast<std::size_t>(mask.nx), ny = static_cast<std::size_t>(mask.ny);
-    return mask.seen[(index[2] * ny + index[1]) * nx + index[0]] != 0;
+    return mask.seen[index] != 0;
 }
 
 struct Summary {
@@ -78,12 +76,10 @@ Summary summarise(const std::vector<double>& distances, double limit, MeasuredPo
         if (points.statuses[i] == PointStatus::excluded) continue;
         const double d = distances[next++];
         points.distances[i] = d;
-        if (d < limit) {
+        if (d < limit)
             inliers.push_back(d);
-        } else {
-            points.statuses[i] = PointStatus::outlier;
-            ++summary.outliers;
-        }
+        else
+            points.statuses[i] = PointStatus::outlier, ++summary.outliers;
     }
     if (inliers.empty()) return summary;
     double partial[kSumBlocks] = {}, sum = 0;
@@ -96,14 +92,14 @@ Summary summarise(const std::vector<double>& distances, double limit, MeasuredPo
     return summary;
 }
 
-std::vector<Vec3d> selected(const MeasuredPoints& from) {
-    std::vector<Vec3d> out;
+Points selected(const MeasuredPoints& from) {
+    Points out;
     for (std::size_t i = 0; i < from.points.size(); ++i)
         if (from.statuses[i] == PointStatus::measured) out.push_back(from.points[i]);
     return out;
 }
 
-MeasuredPoints unmeasured(std::vector<Vec3d> points) {
+MeasuredPoints unmeasured(Points points) {
     const std::size_t count = points.size();
     return {std::move(points), std::vector<double>(count, kNaN),
             std::vector<PointStatus>(count, PointStatus::measured)};
@@ -111,9 +107,9 @@ MeasuredPoints unmeasured(std::vector<Vec3d> points) {
 
 }  // namespace
 
-std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
-                              const std::vector<Vec3i>& faces,
-                              const DtuOptions& options) {
+Points sample_dtu(const Points& vertices,
+                  const std::vector<Vec3i>& faces,
+                  const DtuOptions& options) {
     // 1. Estimate the number of points (half of each lattice's cells) before allocating: background
     // triangles of a wrong scale would need billions.
     double expected = static_cast<double>(vertices.size());
@@ -122,47 +118,42 @@ std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
         expected += 0.5 * static_cast<double>(lattice.n1) * static_cast<double>(lattice.n2);
     }
     if (expected > static_cast<double>(options.max_samples))
-        throw Error(ExitCode::input, str("E_DTU_SAMPLES: samples every ", options.spacing,
-                                         " mm of the mesh are about ",
-                                         grouped(std::llround(std::min(expected, 9e18))),
-                                         " points (limit ", grouped(options.max_samples),
-                                         "); cut the background away (--cull-masks), check the "
-                                         "units (--mesh-units), or raise --max-samples"));
+        throw input_error("E_DTU_SAMPLES: samples every ", options.spacing,
+                          " mm of the mesh are about ",
+                          grouped(std::llround(std::min(expected, 9e18))), " points (limit ",
+                          grouped(options.max_samples),
+                          "); cut the background away (--cull-masks), check the "
+                          "units (--mesh-units), or raise --max-samples");
 
     // 2. Each face writes to its own range.
     std::vector<std::int64_t> begin(faces.size() + 1, static_cast<std::int64_t>(vertices.size()));
     parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int f) {
         std::int64_t count = 0;
-        Lattice(vertices, faces[static_cast<std::size_t>(f)], options.spacing).for_each([&](Vec3d) {
-            ++count;
-        });
-        begin[static_cast<std::size_t>(f) + 1] = count;
+        Lattice(vertices, faces[f], options.spacing).for_each([&](Vec3d) { ++count; });
+        begin[f + 1] = count;
     });
     for (std::size_t f = 0; f < faces.size(); ++f) begin[f + 1] += begin[f];
-    std::vector<Vec3d> samples(static_cast<std::size_t>(begin.back()));
+    Points samples(static_cast<std::size_t>(begin.back()));
     std::copy(vertices.begin(), vertices.end(), samples.begin());
     parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int f) {
-        auto at = samples.begin() + begin[static_cast<std::size_t>(f)];
-        Lattice(vertices, faces[static_cast<std::size_t>(f)], options.spacing)
-            .for_each([&](Vec3d p) { *at++ = p; });
+        auto at = samples.begin() + begin[f];
+        Lattice(vertices, faces[f], options.spacing).for_each([&](Vec3d p) { *at++ = p; });
     });
     return samples;
 }
 
-DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
-                        const DtuTruth& truth,
-                        const DtuOptions& options) {
+DtuMetrics evaluate_dtu(const Points& samples, const DtuTruth& truth, const DtuOptions& options) {
     DtuMetrics m;
     m.accuracy = m.completeness = m.overall = m.accuracy_median = m.completeness_median = kNaN;
     m.sampled = static_cast<std::int64_t>(samples.size());
 
     // 1. The prediction: thinned, in the box, observed.
-    std::vector<Vec3d> thinned;
+    Points thinned;
     for (const std::uint32_t i : thin_points(samples, options.spacing, options.seed))
         thinned.push_back(samples[i]);
     m.thinned = static_cast<std::int64_t>(thinned.size());
     m.prediction = unmeasured(std::move(thinned));
-    std::vector<Vec3d> inside;  // the truth is compared with these, observed or not
+    Points inside;  // the truth is compared with these, observed or not
     for (std::size_t i = 0; i < m.prediction.points.size(); ++i) {
         const Vec3d p = m.prediction.points[i];
         const bool in = !truth.mask || in_box(*truth.mask, options.patch, p);
@@ -170,7 +161,7 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
         if (!in || (truth.mask && !is_observed(*truth.mask, p)))
             m.prediction.statuses[i] = PointStatus::excluded;
     }
-    const std::vector<Vec3d> observed = selected(m.prediction);
+    const Points observed = selected(m.prediction);
     m.in_box = static_cast<std::int64_t>(inside.size());
     m.observed = static_cast<std::int64_t>(observed.size());
 
@@ -183,7 +174,7 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
             if (!(dot(Vec3d{a, b, c}, truth.points[i]) + d > 0))
                 m.reference.statuses[i] = PointStatus::excluded;
     }
-    const std::vector<Vec3d> above = selected(m.reference);
+    const Points above = selected(m.reference);
     m.truth_above = static_cast<std::int64_t>(above.size());
     m.undefined = m.sampled == 0  ? "the prediction has no points"
                   : m.in_box == 0 ? "no point of the prediction is inside the mask's box"

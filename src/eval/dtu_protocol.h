@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/math/vec.h"
+#include "eval/points.h"
 
 namespace tvsgs {
 
@@ -22,7 +22,7 @@ struct ObservationMask {
 
 /// The truth of a scan.
 struct DtuTruth {
-    std::vector<Vec3d> points;
+    Points points;
     std::optional<ObservationMask> mask;         // absent: everything counts as observed
     std::optional<std::array<double, 4>> plane;  // points above: a x + b y + c z + d > 0
 };
@@ -37,16 +37,16 @@ struct DtuOptions {
 
 /// All vertices, and a lattice of spacing about `spacing` inside each face with area. Throws
 /// Error(ExitCode::input), E_DTU_SAMPLES, for more than max_samples points.
-std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
-                              const std::vector<Vec3i>& faces,
-                              const DtuOptions& options);
+Points sample_dtu(const Points& vertices,
+                  const std::vector<Vec3i>& faces,
+                  const DtuOptions& options);
 
 /// Use of a point in the evaluation.
 enum class PointStatus : std::uint8_t { measured, outlier, excluded };
 
 /// Points with their distances, which are NaN where excluded.
 struct MeasuredPoints {
-    std::vector<Vec3d> points;
+    Points points;
     std::vector<double> distances;
     std::vector<PointStatus> statuses;
 };
@@ -61,8 +61,6 @@ struct DtuMetrics {
 };
 
 /// Thins `samples` and measures them.
-DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
-                        const DtuTruth& truth,
-                        const DtuOptions& options);
+DtuMetrics evaluate_dtu(const Points& samples, const DtuTruth& truth, const DtuOptions& options);
 
 }  // namespace tvsgs

@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
@@ -13,16 +14,10 @@ namespace tvsgs {
 namespace {
 
 std::string box_text(const std::vector<Vec3f>& points, Vec3d origin) {
-    Vec3d lower{INFINITY, INFINITY, INFINITY}, upper = -lower;
-    for (const Vec3f p : points)
-        if (is_finite(p))
-            for (int axis = 0; axis < 3; ++axis) {
-                const double at = double(p[axis]) + origin[axis];
-                lower[axis] = std::min(lower[axis], at), upper[axis] = std::max(upper[axis], at);
-            }
-    if (!(lower.x <= upper.x)) return {};
-    return str("(", lower.x, ", ", lower.y, ", ", lower.z, ") to (", upper.x, ", ", upper.y, ", ",
-               upper.z, ")");
+    const Points finite = all_points(points).points;
+    if (finite.empty()) return {};
+    const PointBounds box = bounds_of(finite);
+    return str(point_text(box.lower + origin), " to ", point_text(box.upper + origin));
 }
 
 /// Throws an error with the reason why no point is left to measure from.
@@ -32,13 +27,11 @@ std::string box_text(const std::vector<Vec3f>& points, Vec3d origin) {
     const std::string box = box_text(points, options.origin);
     if (points.empty()) throw Error(ExitCode::input, "no points; nothing to compare");
     if (box.empty())
-        throw Error(ExitCode::input,
-                    str("none of its ", grouped(points.size()), " ", kind, " is finite"));
+        throw input_error("none of its ", grouped(points.size()), " ", kind, " is finite");
     if (options.crop_path.empty())
-        throw Error(ExitCode::input, str("its ", kind, " have no area; they span ", box));
-    throw Error(ExitCode::input,
-                str("none of its ", kind, " is inside ", options.crop_path, "; they span ", box,
-                    "; has the crop the same frame and units?"));
+        throw input_error("its ", kind, " have no area; they span ", box);
+    throw input_error("none of its ", kind, " is inside ", options.crop_path, "; they span ", box,
+                      "; has the crop the same frame and units?");
 }
 
 std::vector<Vec3f> inside_of(const Crop& crop, const std::vector<Vec3f>& points, Vec3d origin) {

@@ -3,52 +3,37 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "io/files/read_file.h"
 #include "render/photometric/ssim_math.h"
 
 namespace tvsgs {
 namespace {
 
-double unit(std::uint8_t value) {
-    return value / 255.0;
-}
-double unit(float value) {
-    return value;
+/// In [0, 1].
+template <class T>
+double unit(T value) {
+    return std::is_same_v<T, float> ? double(value) : value / 255.0;
 }
 
 template <class T>
 void require_same_shape(const Image<T>& a, const Image<T>& b) {
     if (a.empty() || a.width != b.width || a.height != b.height || a.channels != b.channels)
-        throw Error(ExitCode::input,
-                    str("cannot compare an image of ", a.width, "x", a.height, "x", a.channels,
-                        " with one of ", b.width, "x", b.height, "x", b.channels));
+        throw input_error("cannot compare an image of ", a.width, "x", a.height, "x", a.channels,
+                          " with one of ", b.width, "x", b.height, "x", b.channels);
 }
 
-template <class T>
-double psnr_of(const Image<T>& a, const Image<T>& b) {
-    require_same_shape(a, b);
-    double sum = 0;
-    for (std::size_t i = 0; i < a.pixels.size(); ++i) {
-        const double difference = unit(a.pixels[i]) - unit(b.pixels[i]);
-        sum += difference * difference;
-    }
-    return -10 * std::log10(sum / static_cast<double>(a.pixels.size()));
-}
-
-constexpr int kRadius = kSsimRadius;
-
-constexpr int kTaps = 2 * kRadius + 1;
+constexpr int kRadius = kSsimRadius, kTaps = 2 * kRadius + 1;
 
 /// out[x] = sum over the taps of weight * rows[tap][x].
 void blur(const std::array<const double*, kTaps>& rows, int width, double* __restrict out) {
     for (int x = 0; x < width; ++x) {
         double sum = 0;
         for (int tap = 0; tap < kTaps; ++tap)
-            sum += ssim_weight<double>(tap - kRadius) * rows[static_cast<std::size_t>(tap)][x];
+            sum += ssim_weight<double>(tap - kRadius) * rows[tap][x];
         out[x] = sum;
     }
 }
@@ -58,17 +43,16 @@ class WindowMeans {
 public:
     enum Mean { of_a, of_b, of_aa, of_bb, of_ab, kMeans };
 
-    explicit WindowMeans(int width) : width_(width), zeros_(static_cast<std::size_t>(width)) {
-        for (auto& row : raw_) row.resize(static_cast<std::size_t>(width + 2 * kRadius));
-        for (auto& row : means_) row.resize(static_cast<std::size_t>(width));
+    explicit WindowMeans(int width) : width_(width), zeros_(width) {
+        for (auto& row : raw_) row.resize(width + 2 * kRadius);
+        for (auto& row : means_) row.resize(width);
     }
 
     /// Blurs along the rows [begin, end).
     template <class T>
     void read(const Image<T>& a, const Image<T>& b, int channel, int begin, int end) {
         begin_ = begin, end_ = end;
-        for (auto& plane : rows_)
-            plane.resize(static_cast<std::size_t>(end - begin) * static_cast<std::size_t>(width_));
+        for (auto& plane : rows_) plane.resize(std::size_t(end - begin) * width_);
         for (int y = begin; y < end; ++y) {
             for (int x = 0; x < width_; ++x) {
                 const double va = unit(a.at(x, y, channel)), vb = unit(b.at(x, y, channel));
@@ -88,11 +72,8 @@ public:
     const std::array<std::vector<double>, kMeans>& at(int y) {
         for (int mean = 0; mean < kMeans; ++mean) {
             std::array<const double*, kTaps> around;
-            for (int tap = 0; tap < kTaps; ++tap) {
-                const int v = y + tap - kRadius;
-                around[static_cast<std::size_t>(tap)] =
-                    v >= begin_ && v < end_ ? row(mean, v) : zeros_.data();
-            }
+            for (int tap = 0, v = y - kRadius; tap < kTaps; ++tap, ++v)
+                around[tap] = v >= begin_ && v < end_ ? row(mean, v) : zeros_.data();
             blur(around, width_, means_[mean].data());
         }
         return means_;
@@ -108,15 +89,28 @@ private:
     std::array<std::vector<double>, kMeans> raw_, rows_, means_;  // raw_ with zeros at both ends
 };
 
+}  // namespace
+
 template <class T>
-Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
+double psnr(const Image<T>& a, const Image<T>& b) {
+    require_same_shape(a, b);
+    double sum = 0;
+    for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+        const double difference = unit(a.pixels[i]) - unit(b.pixels[i]);
+        sum += difference * difference;
+    }
+    return -10 * std::log10(sum / static_cast<double>(a.pixels.size()));
+}
+
+template <class T>
+Ssim ssim(const Image<T>& a, const Image<T>& b) {
     require_same_shape(a, b);
     constexpr int kRows = 32;  // of a chunk, whose rows fit into the cache
     const int width = a.width, height = a.height;
     struct Sums {
         double all = 0, valid = 0;
     };
-    std::vector<Sums> of_rows(static_cast<std::size_t>(height));
+    std::vector<Sums> of_rows(height);
     run_ranges(height, kRows, [&](int begin, int end, int /*slot*/) {
         WindowMeans windows(width);
         for (int channel = 0; channel < a.channels; ++channel) {
@@ -124,7 +118,7 @@ Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
                          std::min(height, end + kRadius));
             for (int y = begin; y < end; ++y) {
                 const auto& m = windows.at(y);
-                Sums& sums = of_rows[static_cast<std::size_t>(y)];
+                Sums& sums = of_rows[y];
                 for (int x = 0; x < width; ++x) {
                     const double value =
                         ssim_terms<double>({m[WindowMeans::of_a][x], m[WindowMeans::of_b][x],
@@ -142,24 +136,13 @@ Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
     for (const Sums& row : of_rows) sums.all += row.all, sums.valid += row.valid;
     const double valid =
         static_cast<double>(std::max(0, width - 2 * kRadius)) * std::max(0, height - 2 * kRadius);
-    return {
-        sums.all / static_cast<double>(a.pixels.size()),
-        valid > 0 ? sums.valid / (valid * a.channels) : std::numeric_limits<double>::quiet_NaN()};
+    return {sums.all / static_cast<double>(a.pixels.size()),
+            valid > 0 ? sums.valid / (valid * a.channels) : std::nan("")};
 }
 
-}  // namespace
-
-double psnr(const ImageU8& a, const ImageU8& b) {
-    return psnr_of(a, b);
-}
-double psnr(const ImageF& a, const ImageF& b) {
-    return psnr_of(a, b);
-}
-Ssim ssim(const ImageU8& a, const ImageU8& b) {
-    return ssim_of(a, b);
-}
-Ssim ssim(const ImageF& a, const ImageF& b) {
-    return ssim_of(a, b);
-}
+template double psnr(const ImageU8&, const ImageU8&);
+template double psnr(const ImageF&, const ImageF&);
+template Ssim ssim(const ImageU8&, const ImageU8&);
+template Ssim ssim(const ImageF&, const ImageF&);
 
 }  // namespace tvsgs

@@ -7,8 +7,8 @@ namespace tvsgs {
 
 /// PSNR from the mean over all pixels and channels; images of one shape, 8-bit or with values in
 /// [0, 1]. Infinite for equal images.
-double psnr(const ImageU8& a, const ImageU8& b);
-double psnr(const ImageF& a, const ImageF& b);
+template <class T>
+double psnr(const Image<T>& a, const Image<T>& b);
 
 /// SSIM with an 11x11 Gaussian window of sigma 1.5 per channel, zeros outside of the image, no
 /// sample correction.  [Wang04]
@@ -16,7 +16,7 @@ struct Ssim {
     double padded;  // mean over all pixels, as in 3DGS and its descendants
     double valid;   // mean over windows inside; NaN for images below 11 pixels
 };
-Ssim ssim(const ImageU8& a, const ImageU8& b);
-Ssim ssim(const ImageF& a, const ImageF& b);
+template <class T>
+Ssim ssim(const Image<T>& a, const Image<T>& b);
 
 }  // namespace tvsgs

@@ -1,6 +1,7 @@
 // LPIPS: distance between two images in the features of a classification network. [Zhang18]
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "core/scene/image.h"
@@ -24,6 +25,12 @@ struct LpipsWeights {
     std::vector<std::vector<float>> biases;   // per layer [out]
     std::vector<std::vector<float>> linear;   // per tap [out], not negative
 };
+
+/// Reads a .safetensors or .npz file with features.N.weight and .bias, named as in torchvision (a
+/// prefix "net." is allowed), and lin0.model.1.weight (or lin0.weight) to lin4. The first
+/// convolution determines the network. Throws Error(ExitCode::input), "E_LPIPS_WEIGHTS", with all
+/// missing or wrong tensors.
+LpipsWeights read_lpips_weights(const std::string& path);
 
 /// Input of the network for a colour in [0, 1]: the colour itself, as in 3DGS and its descendants,
 /// or 2 c - 1, as the authors of LPIPS specify.

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/math/rng.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -41,8 +42,7 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
         const Vec3i face = mesh.faces[f];
         for (int k = 0; k < 3; ++k)
             if (face[k] < 0 || face[k] >= vertices)
-                throw Error(ExitCode::input,
-                            str("face ", f, " refers to vertex ", face[k], " of ", vertices));
+                throw input_error("face ", f, " refers to vertex ", face[k], " of ", vertices);
         const Vec3d a = vec_cast<double>(mesh.vertices[face.x]),
                     b = vec_cast<double>(mesh.vertices[face.y]),
                     c = vec_cast<double>(mesh.vertices[face.z]);
@@ -51,8 +51,7 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
     }
     const double total = area_before.back();
     if (!(total > 0))
-        throw Error(ExitCode::input,
-                    str("the mesh has no area: ", grouped(mesh.faces.size()), " faces of area 0"));
+        throw input_error("the mesh has no area: ", grouped(mesh.faces.size()), " faces of area 0");
 
     std::vector<Vec3f> samples(count);
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
@@ -84,11 +83,10 @@ GeometryMetrics evaluate_geometry(const MeasuredSurface& prediction,
                                   const SamplePoints* wanted_truth,
                                   const GeometryOptions& options) {
     if (prediction.from.points.empty() || truth.from.points.empty())
-        throw Error(
-            ExitCode::input,
-            str("nothing to compare inside the crop: ", grouped(prediction.from.points.size()),
-                " points of the prediction and ", grouped(truth.from.points.size()),
-                " of the truth; both need at least one"));
+        throw input_error(
+            "nothing to compare inside the crop: ", grouped(prediction.from.points.size()),
+            " points of the prediction and ", grouped(truth.from.points.size()),
+            " of the truth; both need at least one");
     const SamplePoints& wanted = wanted_truth ? *wanted_truth : truth.from;
     if (wanted.points.empty())
         throw Error(

@@ -10,6 +10,7 @@
 #include "core/math/point_tree.h"
 #include "core/math/rng.h"
 #include "eval/mesh_metrics.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -22,7 +23,7 @@ std::array<double, K> sums_of(std::size_t count, const Term& term) {
     const auto sum_block = [&](int block) {
         const std::size_t first = static_cast<std::size_t>(block) * chunk;
         for (std::size_t i = first; i < std::min(count, first + chunk); ++i)
-            term(i, partial[static_cast<std::size_t>(block)]);
+            term(i, partial[block]);
     };
     if (count > 4096)
         parallel_for_heavy(Cpu{}, kSumBlocks, sum_block);
@@ -41,8 +42,7 @@ std::optional<Affine3d> fit(std::size_t count, const Pair& pair) {
     const double n = static_cast<double>(count);
     const auto sum = sums_of<6>(count, [&](std::size_t i, auto& s) {
         const auto [a, b] = pair(i);
-        for (int k = 0; k < 3; ++k)
-            s[static_cast<std::size_t>(k)] += a[k], s[static_cast<std::size_t>(k) + 3] += b[k];
+        for (int k = 0; k < 3; ++k) s[k] += a[k], s[k + 3] += b[k];
     });
     const Vec3d mean_a{sum[0] / n, sum[1] / n, sum[2] / n},
         mean_b{sum[3] / n, sum[4] / n, sum[5] / n};
@@ -50,13 +50,13 @@ std::optional<Affine3d> fit(std::size_t count, const Pair& pair) {
         const auto [a, b] = pair(i);
         const Vec3d da = a - mean_a, db = b - mean_b;
         for (int r = 0; r < 3; ++r)
-            for (int c = 0; c < 3; ++c) s[static_cast<std::size_t>(3 * r + c)] += db[r] * da[c];
+            for (int c = 0; c < 3; ++c) s[3 * r + c] += db[r] * da[c];
         s[9] += dot(da, da);
     });
     if (!(moments[9] > 0 && std::isfinite(moments[9]))) return std::nullopt;
     Eigen::Matrix3d covariance;
     for (int r = 0; r < 3; ++r)
-        for (int c = 0; c < 3; ++c) covariance(r, c) = moments[static_cast<std::size_t>(3 * r + c)];
+        for (int c = 0; c < 3; ++c) covariance(r, c) = moments[3 * r + c];
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
                                                 Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Eigen::Vector3d spread = svd.singularValues();
@@ -75,8 +75,8 @@ std::optional<Affine3d> fit(std::size_t count, const Pair& pair) {
 }
 
 /// Number of inliers of T, and their squared error.
-std::pair<int, double> count_inliers(const std::vector<Vec3d>& from,
-                                     const std::vector<Vec3d>& to,
+std::pair<int, double> count_inliers(const Points& from,
+                                     const Points& to,
                                      const Affine3d& T,
                                      double threshold) {
     int inliers = 0;
@@ -90,8 +90,8 @@ std::pair<int, double> count_inliers(const std::vector<Vec3d>& from,
 }
 
 /// The best similarity from many draws of six random pairs.
-Affine3d draw_alignment(const std::vector<Vec3d>& from,
-                        const std::vector<Vec3d>& to,
+Affine3d draw_alignment(const Points& from,
+                        const Points& to,
                         double threshold,
                         std::uint64_t seed) {
     constexpr int kDraws = 100000;
@@ -115,21 +115,20 @@ Affine3d draw_alignment(const std::vector<Vec3d>& from,
         if (better) best = T, best_score = score;
     }
     if (!best)
-        throw Error(ExitCode::input, str("E_TNT_TRAJ: the ", from.size(),
-                                         " pairs of camera centres are at one place or on one "
-                                         "line; expected cameras around the scene"));
+        throw input_error("E_TNT_TRAJ: the ", from.size(),
+                          " pairs of camera centres are at one place or on one "
+                          "line; expected cameras around the scene");
     return *best;
 }
 
 }  // namespace
 
-std::optional<Affine3d> fit_similarity(const std::vector<Vec3d>& from,
-                                       const std::vector<Vec3d>& to) {
+std::optional<Affine3d> fit_similarity(const Points& from, const Points& to) {
     return fit(from.size(), [&](std::size_t i) { return std::pair{from[i], to[i]}; });
 }
 
-CentreAlignment align_centres(const std::vector<Vec3d>& from,
-                              const std::vector<Vec3d>& to,
+CentreAlignment align_centres(const Points& from,
+                              const Points& to,
                               double threshold,
                               std::uint64_t seed) {
     const auto score = [&](const Affine3d& T) { return count_inliers(from, to, T, threshold); };
@@ -139,7 +138,7 @@ CentreAlignment align_centres(const std::vector<Vec3d>& from,
         out.to_from_from = *to_all, out.refined = true;
     } else {
         out.to_from_from = draw_alignment(from, to, threshold, seed);
-        std::vector<Vec3d> a, b;
+        Points a, b;
         for (std::size_t i = 0; i < from.size(); ++i)
             if (norm(out.to_from_from * from[i] - to[i]) < threshold)
                 a.push_back(from[i]), b.push_back(to[i]);
@@ -158,24 +157,21 @@ CentreAlignment align_centres(const std::vector<Vec3d>& from,
     return out;
 }
 
-IcpResult icp(const std::vector<Vec3d>& source,
-              const std::vector<Vec3d>& target,
-              const IcpOptions& options) {
+IcpResult icp(const Points& source, const Points& target, const IcpOptions& options) {
     IcpResult result;
     result.source = static_cast<std::int64_t>(source.size());
     result.target = static_cast<std::int64_t>(target.size());
     if (source.empty() || target.empty()) return result;
     const PointTree<double, double> tree(target);
-    std::vector<Vec3d> moved = source;
+    Points moved = source;
     std::vector<std::uint32_t> with, partner(source.size());  // pairs: moved[with], partner
     std::vector<double> squared(source.size());
     const auto match = [&] {
         const double limit = options.max_distance * options.max_distance;
         parallel_for(Cpu{}, static_cast<int>(moved.size()), [&](int i) {
-            const auto at = static_cast<std::size_t>(i);
             std::size_t index = 0;
-            if (!tree.nearest_within(moved[at], limit, &index, &squared[at])) squared[at] = -1;
-            partner[at] = static_cast<std::uint32_t>(index);
+            if (!tree.nearest_within(moved[i], limit, &index, &squared[i])) squared[i] = -1;
+            partner[i] = static_cast<std::uint32_t>(index);
         });
         with.clear();
         for (std::size_t i = 0; i < moved.size(); ++i)
@@ -204,20 +200,17 @@ IcpResult icp(const std::vector<Vec3d>& source,
     return result;
 }
 
-std::vector<Vec3d> transformed(const std::vector<Vec3d>& points, const Affine3d& T) {
-    std::vector<Vec3d> out(points.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        out[static_cast<std::size_t>(i)] = T * points[static_cast<std::size_t>(i)];
-    });
+Points transformed(const Points& points, const Affine3d& T) {
+    Points out(points.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) { out[i] = T * points[i]; });
     return out;
 }
 
-std::vector<Vec3d> cropped(const std::vector<Vec3d>& points, const Crop& crop) {
+Points cropped(const Points& points, const Crop& crop) {
     std::vector<char> inside(points.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        inside[static_cast<std::size_t>(i)] = contains(crop, points[static_cast<std::size_t>(i)]);
-    });
-    std::vector<Vec3d> out;
+    parallel_for(Cpu{}, static_cast<int>(points.size()),
+                 [&](int i) { inside[i] = contains(crop, points[i]); });
+    Points out;
     for (std::size_t i = 0; i < points.size(); ++i)
         if (inside[i]) out.push_back(points[i]);
     return out;

@@ -8,13 +8,13 @@
 
 #include "core/math/rigid.h"
 #include "core/scene/crop.h"
+#include "eval/points.h"
 
 namespace tvsgs {
 
 /// The similarity T with the least squared distances from T * from[i] to to[i]; empty where the
 /// points do not determine it.  [Umeyama91]
-std::optional<Affine3d> fit_similarity(const std::vector<Vec3d>& from,
-                                       const std::vector<Vec3d>& to);
+std::optional<Affine3d> fit_similarity(const Points& from, const Points& to);
 
 /// Result of align_centres().
 struct CentreAlignment {
@@ -28,8 +28,8 @@ struct CentreAlignment {
 /// Aligns matching camera centres, at least 6 pairs. First fits all pairs; unless all are inliers
 /// (closer than `threshold`), runs RANSAC with 100,000 draws of six pairs (`seed`) and refits to
 /// the inliers. Throws Error(ExitCode::input), E_TNT_TRAJ, when no draw determines a similarity.
-CentreAlignment align_centres(const std::vector<Vec3d>& from,
-                              const std::vector<Vec3d>& to,
+CentreAlignment align_centres(const Points& from,
+                              const Points& to,
                               double threshold,
                               std::uint64_t seed);
 
@@ -49,13 +49,11 @@ struct IcpResult {
 };
 
 /// Point-to-point ICP with scale.  [Open3D: RegistrationICP]
-IcpResult icp(const std::vector<Vec3d>& source,
-              const std::vector<Vec3d>& target,
-              const IcpOptions& options);
+IcpResult icp(const Points& source, const Points& target, const IcpOptions& options);
 
 /// Applies T to every point; returns the points inside the crop.
-std::vector<Vec3d> transformed(const std::vector<Vec3d>& points, const Affine3d& T);
-std::vector<Vec3d> cropped(const std::vector<Vec3d>& points, const Crop& crop);
+Points transformed(const Points& points, const Affine3d& T);
+Points cropped(const Points& points, const Crop& crop);
 
 /// Difference of S and T: ratio of scales, angle between rotations, and displacement of `point`.
 struct MotionDifference {

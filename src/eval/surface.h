@@ -13,36 +13,30 @@ namespace tvsgs {
 /// A surface that distances are measured to: triangles of a mesh (exact), or points of a cloud.
 class Surface {
 public:
-    Surface();
+    Surface() = default;  // empty: all distances are infinite
     /// Drops vertices and points that are not finite. Throws Error(ExitCode::input) for an index
     /// out of range.
     explicit Surface(const TriangleMesh& mesh);
     explicit Surface(const std::vector<Vec3f>& points);
-    explicit Surface(const std::vector<Vec3d>& points);
-    Surface(Surface&&) noexcept;
-    Surface& operator=(Surface&&) noexcept;
-    ~Surface();
+    explicit Surface(const Points& points);
 
-    /// True without triangles and points; then all distances are infinite.
-    bool empty() const;
     /// The triangles; empty for a cloud.
-    const TriangleTree& triangles() const;
+    const TriangleTree& triangles() const { return triangles_; }
 
     /// Distance of each point, or infinity where it is not below `limit`.
-    std::vector<double> distances(const std::vector<Vec3d>& points,
+    std::vector<double> distances(const Points& points,
                                   double limit = std::numeric_limits<double>::infinity()) const;
 
 private:
     struct Cloud;
     TriangleTree triangles_;
-    std::unique_ptr<Cloud> cloud_;
+    std::shared_ptr<const Cloud> cloud_;
 };
 
 /// All of the points as SamplePoints, without sampling.
 SamplePoints all_points(const std::vector<Vec3f>& points);
 
 /// Distance of each point to the nearest of `targets` (not empty).
-std::vector<double> nearest_distances(const std::vector<Vec3d>& points,
-                                      const std::vector<Vec3d>& targets);
+std::vector<double> nearest_distances(const Points& points, const Points& targets);
 
 }  // namespace tvsgs

@@ -52,13 +52,7 @@ struct Grid {
     double area() const { return static_cast<double>(cells.size()) * cell_area(); }
 };
 
-/// Bounding box of the surface in the crop, in the mesh's frame; empty() without overlap.
-struct Box {
-    Vec3d lower, upper;
-    bool empty() const { return !(lower.x <= upper.x && lower.y <= upper.y && lower.z <= upper.z); }
-};
-
-Box bounds(const Crop& crop) {
+PointBounds bounds_of(const Crop& crop) {
     constexpr double kFar = std::numeric_limits<double>::infinity();
     switch (crop.kind) {
         case Crop::Kind::everything:
@@ -69,12 +63,7 @@ Box bounds(const Crop& crop) {
             return {{crop.center_x - crop.radius, crop.center_y - crop.radius, crop.min.z},
                     {crop.center_x + crop.radius, crop.center_y + crop.radius, crop.max.z}};
         case Crop::Kind::prism: {
-            Box box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
-            for (const Vec3d p : crop.polygon)
-                for (int axis = 0; axis < 3; ++axis) {
-                    box.lower[axis] = std::min(box.lower[axis], p[axis]);
-                    box.upper[axis] = std::max(box.upper[axis], p[axis]);
-                }
+            PointBounds box = bounds_of(crop.polygon);
             box.lower[crop.axis] = crop.axis_min, box.upper[crop.axis] = crop.axis_max;
             return box;
         }
@@ -82,9 +71,10 @@ Box bounds(const Crop& crop) {
     return {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}};
 }
 
-Box common_box(const TriangleTree& tree, const Crop& crop, Vec3d origin) {
-    const Box cropped = bounds(crop);
-    Box box{tree.lower(), tree.upper()};
+/// Bounding box of the surface in the crop, in the mesh's frame.
+PointBounds common_box(const TriangleTree& tree, const Crop& crop, Vec3d origin) {
+    const PointBounds cropped = bounds_of(crop);
+    PointBounds box{tree.lower(), tree.upper()};
     for (int axis = 0; axis < 3; ++axis) {
         box.lower[axis] = std::max(box.lower[axis], cropped.lower[axis] - origin[axis]);
         box.upper[axis] = std::min(box.upper[axis], cropped.upper[axis] - origin[axis]);
@@ -94,7 +84,7 @@ Box common_box(const TriangleTree& tree, const Crop& crop, Vec3d origin) {
 
 /// Chooses the grid for which the fewest lines miss the surface. Without a grid, a distant fragment
 /// would make nearly all lines miss.
-Grid choose_grid(const TriangleTree& tree, Box box) {
+Grid choose_grid(const TriangleTree& tree, PointBounds box) {
     Vec3d size = box.upper - box.lower;
     const double longest = std::max({size.x, size.y, size.z});
     // Enlarge the box by odd shares: points on a side of a cell would belong to a cell by rounding,
@@ -132,10 +122,9 @@ Line line_through(const Grid& grid, const Cell& cell, std::uint64_t seed, std::u
     const std::uint64_t key = (std::uint64_t(cell.at[0]) << 42) ^
                               (std::uint64_t(cell.at[1]) << 21) ^ std::uint64_t(cell.at[2]);
     // One random stream per cell, from the seed and the cell's place.
-    const Random4 first =
-                      random4(seed ^ key * 0x9E3779B97F4A7C15ull, RandomStream::lines, index, 0),
-                  second =
-                      random4(seed ^ key * 0x9E3779B97F4A7C15ull, RandomStream::lines, index, 1);
+    const std::uint64_t of_cell = seed ^ key * 0x9E3779B97F4A7C15ull;
+    const Random4 first = random4(of_cell, RandomStream::lines, index, 0),
+                  second = random4(of_cell, RandomStream::lines, index, 1);
     double place = fraction(first.v[0]) * 0.5 * grid.cell_area();
     int axis = 0;
     while (axis < 2 && place >= grid.face(axis)) place -= grid.face(axis), ++axis;
@@ -200,8 +189,10 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
                              std::uint64_t seed) {
     SamplePoints sample;
     if (tree.empty()) return sample;
-    const Box box = common_box(tree, crop, origin);
-    if (box.empty() || !tree.meets(box.lower, box.upper)) return sample;
+    const PointBounds box = common_box(tree, crop, origin);
+    for (int axis = 0; axis < 3; ++axis)
+        if (!(box.lower[axis] <= box.upper[axis])) return sample;
+    if (!tree.meets(box.lower, box.upper)) return sample;
     const Grid grid = choose_grid(tree, box);
     if (!(grid.cell_area() > 0)) return sample;  // the whole surface is a single point
 
@@ -212,13 +203,12 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
     DrawSizes sizes;
     for (std::int64_t round = 0; lines < kMaxLines; ++round) {
         const std::int64_t count = cells * per_cell;
-        std::vector<std::vector<Vec3d>> cuts(
-            static_cast<std::size_t>((count + kChunk - 1) / kChunk));
+        std::vector<Points> cuts((count + kChunk - 1) / kChunk);
         std::vector<std::vector<std::uint32_t>> begins(cuts.size());
         parallel_for_heavy(Cpu{}, static_cast<int>(cuts.size()), [&](int chunk) {
-            auto& points = cuts[static_cast<std::size_t>(chunk)];
+            auto& points = cuts[chunk];
             for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
-                const Cell& cell = grid.cells[static_cast<std::size_t>(i / per_cell)];
+                const Cell& cell = grid.cells[i / per_cell];
                 const Line line = line_through(
                     grid, cell, seed, static_cast<std::uint64_t>(round * per_cell + i % per_cell));
                 const std::size_t before = points.size();
@@ -226,19 +216,16 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
                     if (grid.holds(cell, p) && contains(crop, p + origin)) points.push_back(p);
                 });
                 if (points.size() > before)
-                    begins[static_cast<std::size_t>(chunk)].push_back(
-                        static_cast<std::uint32_t>(before));
+                    begins[chunk].push_back(static_cast<std::uint32_t>(before));
             }
         });
         lines += count;
         for (std::size_t chunk = 0; chunk < cuts.size(); ++chunk) {
             const std::size_t before = sample.points.size();
-            for (std::size_t d = 0; d < begins[chunk].size(); ++d) {
-                const std::size_t begin = begins[chunk][d], end = d + 1 < begins[chunk].size()
-                                                                      ? begins[chunk][d + 1]
-                                                                      : cuts[chunk].size();
-                sample.draws.push_back(static_cast<std::uint32_t>(before + begin));
-                ++sizes[end - begin];
+            begins[chunk].push_back(static_cast<std::uint32_t>(cuts[chunk].size()));
+            for (std::size_t d = 0; d + 1 < begins[chunk].size(); ++d) {
+                sample.draws.push_back(static_cast<std::uint32_t>(before + begins[chunk][d]));
+                ++sizes[begins[chunk][d + 1] - begins[chunk][d]];
             }
             sample.points.insert(sample.points.end(), cuts[chunk].begin(), cuts[chunk].end());
         }

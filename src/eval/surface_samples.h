@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "core/scene/crop.h"
+#include "eval/points.h"
 #include "mesh/mend/triangle_tree.h"
 
 namespace tvsgs {
 
 /// Points that distances are measured from.
 struct SamplePoints {
-    std::vector<Vec3d> points;
+    Points points;
     /// First point of each draw; the points of one draw depend on each other. Empty: `points` is no
     /// sample but the whole set.
     std::vector<std::uint32_t> draws;

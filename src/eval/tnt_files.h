@@ -1,13 +1,12 @@
-// Reads the files of the Tanks and Temples evaluation, and aligns a prediction with the truth.
+// Reads and writes the files of the Tanks and Temples evaluation, and aligns a prediction with the
+// truth.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
-#include "core/math/rigid.h"
-#include "core/scene/crop.h"
 #include "eval/benchmark_files.h"
+#include "eval/tnt_protocol.h"
 #include "io/files/json_value.h"
 
 namespace tvsgs {
@@ -42,8 +41,8 @@ void align_by_cameras(const std::string& trajectory,
                       TntAlignment& out);
 
 /// Refines the alignment by ICP, and measures how far that moved the prediction.
-void refine_tnt(const std::vector<Vec3d>& points,
-                const std::vector<Vec3d>& truth_cropped,
+void refine_tnt(const Points& points,
+                const Points& truth_cropped,
                 const Crop& crop,
                 double tau,
                 bool intended,
@@ -51,16 +50,23 @@ void refine_tnt(const std::vector<Vec3d>& points,
 
 /// Selects the points to evaluate. `choice`: auto, vertices, vertices+centroids or area:N; sets
 /// `used` to the resolved choice.
-std::vector<Vec3d> choose_tnt_points(const Prediction& in,
-                                     const std::string& choice,
-                                     std::uint64_t seed,
-                                     std::string& used);
+Points choose_tnt_points(const Prediction& in,
+                         const std::string& choice,
+                         std::uint64_t seed,
+                         std::string& used);
 
 /// Throws Error(ExitCode::input) unless the aligned points overlap the truth. `name`: of the
 /// prediction, for the message.
-void check_tnt_overlap(const std::vector<Vec3d>& moved,
-                       const std::vector<Vec3d>& truth_cropped,
+void check_tnt_overlap(const Points& moved,
+                       const Points& truth_cropped,
                        const Crop& crop,
                        const std::string& name);
+
+/// Writes FOLDER/<scene>.precision.txt, .recall.txt, .prf_tau_plotstr.txt and
+/// PR_<scene>_@d_th_0_*.svg.
+void write_curves(const std::string& folder,
+                  const std::string& scene,
+                  const TntMetrics& metrics,
+                  double tau);
 
 }  // namespace tvsgs

@@ -4,23 +4,22 @@
 #include <cmath>
 
 #include "eval/mesh_metrics.h"
-#include "eval/thin_points.h"
 
 namespace tvsgs {
 namespace {
 
 /// Every k-th point, so that about 4 million remain.
-std::vector<Vec3d> every_kth(std::vector<Vec3d> points) {
+Points every_kth(Points points) {
     constexpr double kMost = 4e6;
     if (static_cast<double>(points.size()) <= kMost) return points;
     const auto k =
         static_cast<std::size_t>(std::nearbyint(static_cast<double>(points.size()) / kMost));
-    std::vector<Vec3d> out;
+    Points out;
     for (std::size_t i = 0; i < points.size(); i += k) out.push_back(points[i]);
     return out;
 }
 
-MeasuredPoints measured(std::vector<Vec3d> points, const std::vector<Vec3d>& against) {
+MeasuredPoints measured(Points points, const Points& against) {
     MeasuredPoints out{std::move(points), {}, {}};
     out.statuses.assign(out.points.size(), PointStatus::measured);
     out.distances = nearest_distances(out.points, against);
@@ -49,8 +48,8 @@ std::vector<double> curve(std::vector<double> distances, const std::vector<doubl
 
 }  // namespace
 
-IcpRefinement refine_by_icp(const std::vector<Vec3d>& prediction,
-                            const std::vector<Vec3d>& truth_cropped,
+IcpRefinement refine_by_icp(const Points& prediction,
+                            const Points& truth_cropped,
                             const Crop& crop,
                             const Affine3d& start,
                             double tau,
@@ -60,8 +59,7 @@ IcpRefinement refine_by_icp(const std::vector<Vec3d>& prediction,
         double voxel, max_distance;  // in tau; voxel 0: every k-th point
     };
     for (const Stage stage : {Stage{1, 80}, Stage{0.5, 20}, Stage{0, 2}}) {
-        std::vector<Vec3d> source =
-            cropped(transformed(prediction, out.truth_from_prediction), crop);
+        Points source = cropped(transformed(prediction, out.truth_from_prediction), crop);
         if (source.empty()) break;
         IcpOptions options;
         options.max_distance = stage.max_distance * tau;
@@ -76,13 +74,10 @@ IcpRefinement refine_by_icp(const std::vector<Vec3d>& prediction,
     return out;
 }
 
-TntMetrics evaluate_tnt(const std::vector<Vec3d>& prediction,
-                        const std::vector<Vec3d>& truth,
-                        const Crop& crop,
-                        double tau,
-                        double voxel) {
+TntMetrics evaluate_tnt(
+    const Points& prediction, const Points& truth, const Crop& crop, double tau, double voxel) {
     TntMetrics m;
-    std::vector<Vec3d> p = cropped(prediction, crop), t = cropped(truth, crop);
+    Points p = cropped(prediction, crop), t = cropped(truth, crop);
     m.prediction_cropped = static_cast<std::int64_t>(p.size());
     m.truth_cropped = static_cast<std::int64_t>(t.size());
     m.undefined = t.empty()   ? "no point of the truth is inside the crop volume"

@@ -18,8 +18,8 @@ struct IcpRefinement {
     Affine3d truth_from_prediction;
     std::vector<IcpResult> stages;
 };
-IcpRefinement refine_by_icp(const std::vector<Vec3d>& prediction,
-                            const std::vector<Vec3d>& truth_cropped,
+IcpRefinement refine_by_icp(const Points& prediction,
+                            const Points& truth_cropped,
                             const Crop& crop,
                             const Affine3d& start,
                             double tau,
@@ -36,10 +36,7 @@ struct TntMetrics {
 
 /// Crops both clouds (in the frame of the truth), takes the mean per voxel (voxel 0: all points)
 /// and compares them.
-TntMetrics evaluate_tnt(const std::vector<Vec3d>& prediction,
-                        const std::vector<Vec3d>& truth,
-                        const Crop& crop,
-                        double tau,
-                        double voxel);
+TntMetrics evaluate_tnt(
+    const Points& prediction, const Points& truth, const Crop& crop, double tau, double voxel);
 
 }  // namespace tvsgs

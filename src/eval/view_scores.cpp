@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/scene/camera.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -110,9 +111,8 @@ void ViewScorer::add(const View& view, const ImageU8& render, const std::vector<
     }
     if (scoring_.masked) {
         if (view.mask.empty())
-            throw Error(ExitCode::input,
-                        str("--masked: view ", view.name,
-                            " has no mask; put masks into the scene, or give --masks DIR"));
+            throw input_error("--masked: view ", view.name,
+                              " has no mask; put masks into the scene, or give --masks DIR");
         masked_.push_back(quantized(
             scoring_, view, render, colors,
             [&](const auto& a, const auto& b) { return score_object(a, b, view.mask, scoring_); }));

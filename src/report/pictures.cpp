@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "eval/error_colors.h"
+#include "eval/benchmark_files.h"
 #include "io/images/image_file.h"
 
 namespace tvsgs {

@@ -6,11 +6,9 @@
 
 #include "core/error.h"
 #include "core/math/rng.h"
+#include "eval/benchmark_files.h"
 #include "eval/dtu_protocol.h"
-#include "eval/error_colors.h"
-#include "eval/frame_check.h"
-#include "eval/mask_cull.h"
-#include "eval/thin_points.h"
+#include "eval/points.h"
 
 namespace tvsgs {
 namespace {

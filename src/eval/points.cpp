@@ -1,4 +1,4 @@
-#include "eval/thin_points.h"
+#include "eval/points.h"
 
 #include <algorithm>
 #include <array>
@@ -9,18 +9,12 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/math/rng.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
 
 using Cell = std::array<std::int64_t, 3>;
-
-Vec3d lower_corner(const std::vector<Vec3d>& points) {
-    Vec3d lower = points[0];
-    for (const Vec3d p : points)
-        for (int a = 0; a < 3; ++a) lower[a] = std::min(lower[a], p[a]);
-    return lower;
-}
 
 std::vector<std::uint32_t> visiting_order(std::size_t count, std::optional<std::uint64_t> seed) {
     std::vector<std::uint32_t> order(count);
@@ -29,8 +23,7 @@ std::vector<std::uint32_t> visiting_order(std::size_t count, std::optional<std::
     std::vector<std::uint64_t> key(count);  // random number above, index below: no ties
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
         const Random4 r = random4(*seed, RandomStream::thinning, static_cast<std::uint64_t>(i));
-        key[static_cast<std::size_t>(i)] =
-            std::uint64_t{r.v[0]} << 32 | static_cast<std::uint32_t>(i);
+        key[i] = std::uint64_t{r.v[0]} << 32 | static_cast<std::uint32_t>(i);
     });
     std::sort(key.begin(), key.end());
     for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(key[i]);
@@ -132,12 +125,26 @@ private:
 
 }  // namespace
 
-std::vector<std::uint32_t> thin_points(const std::vector<Vec3d>& points,
+PointBounds bounds_of(const Points& points) {
+    PointBounds box{points[0], points[0]};
+    for (const Vec3d p : points)
+        for (int a = 0; a < 3; ++a) {
+            box.lower[a] = std::min(box.lower[a], p[a]);
+            box.upper[a] = std::max(box.upper[a], p[a]);
+        }
+    return box;
+}
+
+std::string point_text(Vec3d p) {
+    return str("(", p.x, ", ", p.y, ", ", p.z, ")");
+}
+
+std::vector<std::uint32_t> thin_points(const Points& points,
                                        double radius,
                                        std::optional<std::uint64_t> seed) {
     std::vector<std::uint32_t> kept;
     if (points.empty()) return kept;
-    const Vec3d lower = lower_corner(points);
+    const Vec3d lower = bounds_of(points).lower;
     // Cells slightly larger than the radius, so that rounding cannot put two points at exactly that
     // distance two cells apart.
     const double inverse = 1 / (radius * (1 + 1e-9));
@@ -146,8 +153,7 @@ std::vector<std::uint32_t> thin_points(const std::vector<Vec3d>& points,
         const Vec3d p = points[i];
         Cell cell;
         for (int a = 0; a < 3; ++a)
-            cell[static_cast<std::size_t>(a)] =
-                static_cast<std::int64_t>(std::floor((p[a] - lower[a]) * inverse));
+            cell[a] = static_cast<std::int64_t>(std::floor((p[a] - lower[a]) * inverse));
         const bool taken = grid.any_around(cell, [&](std::uint32_t j) {
             const Vec3d d = points[j] - p;
             return dot(d, d) <= radius * radius;
@@ -160,10 +166,10 @@ std::vector<std::uint32_t> thin_points(const std::vector<Vec3d>& points,
     return kept;
 }
 
-std::vector<Vec3d> voxel_means(const std::vector<Vec3d>& points, double voxel) {
+Points voxel_means(const Points& points, double voxel) {
     if (points.empty()) return {};
-    Vec3d origin = lower_corner(points);
-    for (int a = 0; a < 3; ++a) origin[a] -= 0.5 * voxel;
+    const Vec3d half{0.5 * voxel, 0.5 * voxel, 0.5 * voxel},
+        origin = bounds_of(points).lower - half;
     struct Entry {
         std::uint64_t voxel;
         std::uint32_t point;
@@ -175,11 +181,9 @@ std::vector<Vec3d> voxel_means(const std::vector<Vec3d>& points, double voxel) {
         for (int a = 0; a < 3; ++a) {
             const double index = std::floor((points[i][a] - origin[a]) / voxel);
             if (!(index >= 0 && index < kMaxVoxels))
-                throw Error(
-                    ExitCode::input,
-                    str("voxels of ", voxel, " are too small for a cloud ",
-                        points[i][a] - origin[a],
-                        " long (limit 2^21 voxels a side); crop the cloud, or check its units"));
+                throw input_error(
+                    "voxels of ", voxel, " are too small for a cloud ", points[i][a] - origin[a],
+                    " long (limit 2^21 voxels a side); crop the cloud, or check its units");
             key = key << 21 | static_cast<std::uint64_t>(index);
         }
         entries[i] = {key, static_cast<std::uint32_t>(i)};
@@ -187,7 +191,7 @@ std::vector<Vec3d> voxel_means(const std::vector<Vec3d>& points, double voxel) {
     std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
         return a.voxel != b.voxel ? a.voxel < b.voxel : a.point < b.point;
     });
-    std::vector<Vec3d> means;
+    Points means;
     for (std::size_t begin = 0, end = 0; begin < entries.size(); begin = end) {
         Vec3d sum{};
         for (; end < entries.size() && entries[end].voxel == entries[begin].voxel; ++end)
