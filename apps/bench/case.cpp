@@ -1,6 +1,5 @@
 #include "apps/bench/case.h"
 
-#include <optional>
 #include <string_view>
 
 #include "core/error.h"
@@ -88,12 +87,11 @@ public:
     Comparison(CaseQuantity& quantity, std::vector<bool>& excused)
         : quantity_(quantity), excused_(excused) {}
 
-    /// `moved`: by how much the oracle moves where its inputs are off by a unit in the last place;
-    /// not known, it may be as much as the bound.
-    void add(int splat, double difference, std::optional<double> moved) const {
+    /// `moved`: by how much the oracle moves where its inputs are off by a unit in the last place.
+    void add(int splat, double difference, double moved) const {
         constexpr double kSlack = 10;  // of few draws the largest is below the worst case
         ++quantity_.defined, ++quantity_.compared;
-        const double limit = std::min(kSlack * moved.value_or(quantity_.bound), quantity_.ceiling);
+        const double limit = std::min(kSlack * moved, quantity_.ceiling);
         if (difference > quantity_.bound && difference <= limit) {
             ++quantity_.excused;
             excused_[std::size_t(splat)] = true;
@@ -112,9 +110,7 @@ private:
 class Comparer {
 public:
     explicit Comparer(const VotingCase& c, CaseComparison& out)
-        : case_(c), out_(out), excused_(std::size_t(c.size())) {
-        find_old_statistics();
-    }
+        : case_(c), out_(out), excused_(std::size_t(c.size())) {}
 
     void lists(const VotingDetails& details) {
         const WhitenedDistance distance(case_);
@@ -151,41 +147,11 @@ private:
     double stored(const char* array, int i) const {
         return case_.at(array).numbers[std::size_t(i)];
     }
-    std::optional<double> moved(const std::string& array, int i, double unit) const {
-        if (!case_.has(array)) return {};
-        return stored(array.c_str(), i) / unit;
-    }
-    /// Whether an older oracle did not store it, which is noted.
-    bool missing(const char* array) {
-        if (case_.has(array)) return false;
-        out_.not_stored.emplace_back(array);
-        return true;
-    }
-    /// Whether splat i has no result to compare, or one that rounding decides, which is counted. An
-    /// older oracle went on with votes that are rounding errors, and are none here.
+    /// Whether splat i has no result to compare, or one that rounding decides, which is counted.
     bool skips(const Comparison& result, int i, bool unambiguous_only) const {
-        const bool old = !case_.has("has_tensor");
-        const double has = !old ? stored("has_tensor", i) : stored("strength", i) < 1e-8 ? 2 : 1;
+        const double has = stored("has_tensor", i);
         if (has == 2) result.add_undecided();
-        if (has != 1) return true;
-        if (!unambiguous_only) return false;
-        return old ? !(gap(i) >= kMinNormalGap) : stored("normal_valid", i) != 1;
-    }
-    /// An older oracle counted votes of strength 0 and ambiguous normals in the statistics of those
-    /// who hear or list them.
-    bool is_old_statistic(int i) const {
-        return !case_.has("has_tensor") && old_statistics_[std::size_t(i)];
-    }
-    void find_old_statistics() {
-        old_statistics_.assign(std::size_t(case_.size()), false);
-        for (int voter = 0; voter < case_.size(); ++voter)
-            for (int r = 0; r < case_.k; ++r) {
-                const auto j =
-                    case_.receivers[std::size_t(voter) * std::size_t(case_.k) + std::size_t(r)];
-                if (!(gap(voter) >= kMinVotingGap)) old_statistics_[j] = true;
-                if (!(gap(static_cast<int>(j)) > kComparedGap))
-                    old_statistics_[std::size_t(voter)] = true;
-            }
+        return has != 1 || (unambiguous_only && stored("normal_valid", i) != 1);
     }
     /// (lambda_2 - lambda_3) / lambda_1.
     double gap(int i) const {
@@ -206,12 +172,12 @@ private:
         const double middle_one = middle(case_.at(name).numbers);
         for (int i = 0; i < case_.size(); ++i) {
             // The two statistics of the mask are made of unambiguous normals only.
-            if (skips(result, i, is_statistic) || (is_statistic && is_old_statistic(i))) continue;
+            if (skips(result, i, is_statistic)) continue;
             const double wanted = stored(name, i);
             double unit = least < 0 ? 1 : std::max(std::abs(wanted), least * middle_one);
             if (unit == 0) unit = 1;
             result.add(i, std::abs(double(mine[std::size_t(i)]) - wanted) / unit,
-                       moved(moves, i, unit));
+                       stored(moves.c_str(), i) / unit);
         }
     }
 
@@ -225,7 +191,7 @@ private:
             if (skips(result, i, false)) continue;
             const double size = std::max(sizes[std::size_t(i)], least);
             const Sym3f off = difference(f.tensors[std::size_t(i)], sym(case_.at("tensor"), i));
-            result.add(i, frobenius(off) / size, moved("moved_tensor", i, size));
+            result.add(i, frobenius(off) / size, stored("moved_tensor", i) / size);
         }
     }
 
@@ -237,7 +203,7 @@ private:
             const double share = std::min(1.0, gap(i) / kComparedGap);
             const double off =
                 angle_deg(vec_cast<double>(f.normals[std::size_t(i)]), vec(case_.at("normal"), i));
-            result.add(i, share * off, moved("moved_normal_deg", i, 1 / share));
+            result.add(i, share * off, stored("moved_normal_deg", i) * share);
         }
     }
 
@@ -245,7 +211,6 @@ private:
     void targets(const FieldOnHost& f) {
         const Comparison place = quantity("target_steps", 0.02, 0.02),
                          saliency = quantity("target_saliency", 1e-4, 1e-2);
-        const bool no_saliency = missing("saliency");
         for (int i = 0; i < case_.size(); ++i) {
             if (skips(place, i, true) || !(gap(i) > kComparedGap)) continue;
             const Vec3<double> scales = scale(case_, i), mean = vec(case_.at("means"), i),
@@ -272,17 +237,13 @@ private:
             const Vec3<double> at = chosen == wanted ? target - mean : chosen * step * normal;
             const double off = norm(offset - at) - rounding;
             place.add(i, std::max(off, 0.0) / step, 0);
-            if (no_saliency) {
-                saliency.add(i, chosen == wanted ? 0 : 1, 0);
-                continue;
-            }
-            if (case_.has("target_decided") && stored("target_decided", i) == 2) {
+            if (stored("target_decided", i) == 2) {
                 saliency.add_undecided();
                 continue;
             }
             const double* all = &case_.at("saliency").numbers[std::size_t(i) * (2 * kSteps + 1)];
             saliency.add(i, std::abs(all[place_of(wanted)] - all[place_of(chosen)]),
-                         moved("moved_saliency", i, 1));
+                         stored("moved_saliency", i));
         }
     }
     static constexpr int kSteps = 5;
@@ -291,7 +252,6 @@ private:
 
     template <class Mine>
     void flag(const char* array, const Mine& mine) {
-        if (missing(array)) return;
         const Comparison result = quantity(array, 0, 0);
         for (int i = 0; i < case_.size(); ++i) {
             const double wanted = stored(array, i);
@@ -304,7 +264,7 @@ private:
 
     const VotingCase& case_;
     CaseComparison& out_;
-    std::vector<bool> excused_, old_statistics_;
+    std::vector<bool> excused_;
 };
 
 }  // namespace
@@ -346,25 +306,20 @@ VotingCase read_voting_case(const std::string& path) {
     };
     if (c.at("index").shape.size() == 2) c.k = static_cast<int>(c.at("index").shape[1]);
     if (count < 2 || count > 10'000'000 || c.k < 1)
-        throw Error(ExitCode::input, str(path, ": ", count, " splats with lists of ", c.k,
-                                         "; expected a case of the oracle, tensor_voting.py "
-                                         "--make"));
+        throw Error(ExitCode::input,
+                    str(path, ": ", count, " splats with lists of ", c.k,
+                        "; expected a case of the oracle, tensor_voting.py --make"));
     for (const char* name : {"means", "scales", "eigenvalues", "normal", "target"})
         expect_shape(name, {count, 3});
-    for (const char* name : {"tau", "variability", "strength", "left_out"})
+    for (const char* name :
+         {"tau", "variability", "strength", "left_out", "has_tensor", "normal_valid",
+          "position_valid", "target_decided", "moved_tau", "moved_tensor", "moved_normal_deg",
+          "moved_saliency", "moved_variability", "moved_strength"})
         expect_shape(name, {count});
-    // All of them, or none: an older oracle's.
-    if (c.has("has_tensor")) {
-        for (const char* name : {"has_tensor", "normal_valid", "position_valid", "target_decided",
-                                 "moved_tau", "moved_tensor", "moved_normal_deg", "moved_saliency",
-                                 "moved_variability", "moved_strength"})
-            expect_shape(name, {count});
-        expect_shape("saliency", {count, 11});
-    }
-    for (const char* name : {"k", "rounds", "whiten", "flatness_limit"}) expect_shape(name, {});
-    for (const char* name : {"flatness_limit_position", "virtual_range", "target_margin",
-                             "max_vote_angle_deg", "min_votes"})
-        if (c.has(name)) expect_shape(name, {});
+    for (const char* name : {"k", "rounds", "whiten", "flatness_limit", "flatness_limit_position",
+                             "virtual_range", "target_margin", "max_vote_angle_deg", "min_votes"})
+        expect_shape(name, {});
+    expect_shape("saliency", {count, 11});
     expect_shape("quats", {count, 4});
     expect_shape("tensor", {count, 6});
     expect_shape("index", {count, c.k});
@@ -391,36 +346,27 @@ VotingCase read_voting_case(const std::string& path) {
     if (c.options.k < 1 || c.rounds < 1)
         throw Error(ExitCode::input, str(path, ": k ", number("k"), ", rounds ", number("rounds"),
                                          "; expected 1 or more"));
-    // What an older oracle knew one value of only keeps that.
-    const auto number_or = [&](const char* name, double other) {
-        return c.has(name) ? number(name) : other;
-    };
     const auto says = [&](const char* name, const char* usual, const char* choice) {
-        if (!c.has(name) || c.at(name).text == usual) return false;
-        if (c.at(name).text != choice)
-            throw Error(ExitCode::input, str(path, ": '", name, "' is '", c.at(name).text,
-                                             "'; expected ", usual, " or ", choice));
-        return true;
+        const std::string& text = c.at(name).text;
+        if (text != usual && text != choice)
+            throw Error(ExitCode::input, str(path, ": '", name, "' is '", text, "'; expected ",
+                                             usual, " or ", choice));
+        return text == choice;
     };
     TvOptions& o = c.options;
     o.whiten = number("whiten") != 0;
-    o.flatness_limit = static_cast<float>(number("flatness_limit"));
-    o.flatness_limit_position =
-        static_cast<float>(number_or("flatness_limit_position", number("flatness_limit")));
-    o.virtual_range = static_cast<float>(number_or("virtual_range", 1));
-    o.target_margin = static_cast<float>(number_or("target_margin", 0));
-    o.max_vote_angle_deg = static_cast<float>(number_or("max_vote_angle_deg", 90));
-    o.min_votes = static_cast<int>(number_or("min_votes", 3));
-    o.whiten_noise_mode =
-        says("mode", "global", "per_splat") ? NoiseMode::per_splat : NoiseMode::global;
-    o.vote_map = says("vote_map", "covariant", "unit") ? VoteMap::unit : VoteMap::covariant;
-    o.scale_rule = says("scale_rule", "ten_percent_at_median", "median")
-                       ? ScaleRule::median
-                       : ScaleRule::ten_percent_at_median;
-    o.curvature =
-        says("curvature", "literal", "scale_free") ? Curvature::scale_free : Curvature::literal;
-    o.strength = says("strength_rule", "relative", "literal") ? VoteStrength::literal
-                                                              : VoteStrength::relative;
+    for (const auto& [name, value] : {std::pair("flatness_limit", &o.flatness_limit),
+                                      {"flatness_limit_position", &o.flatness_limit_position},
+                                      {"virtual_range", &o.virtual_range},
+                                      {"target_margin", &o.target_margin},
+                                      {"max_vote_angle_deg", &o.max_vote_angle_deg}})
+        *value = static_cast<float>(number(name));
+    o.min_votes = static_cast<int>(number("min_votes"));
+    if (says("mode", "global", "per_splat")) o.whiten_noise_mode = NoiseMode::per_splat;
+    if (says("vote_map", "covariant", "unit")) o.vote_map = VoteMap::unit;
+    if (says("scale_rule", "ten_percent_at_median", "median")) o.scale_rule = ScaleRule::median;
+    if (says("curvature", "literal", "scale_free")) o.curvature = Curvature::scale_free;
+    if (says("strength_rule", "relative", "literal")) o.strength = VoteStrength::literal;
     return c;
 }
 

@@ -24,7 +24,6 @@ struct VotingCase {
 
     int size() const { return splats.size(); }
     const NpyArray& at(const std::string& array) const { return find_array(arrays, array); }
-    bool has(const std::string& array) const { return arrays.contains(array); }
 };
 
 /// Throws Error(ExitCode::input) where an array is missing or has another shape.
@@ -51,7 +50,6 @@ struct CaseComparison {
     int lists_with_ties = 0;  // other lists than the oracle's, as good within rounding
     int excused = 0;          // splats excused in any quantity
     std::vector<CaseQuantity> quantities;
-    std::vector<std::string> not_stored;  // by the case, which is of an older oracle
 
     /// Everything that is wrong; empty: the bounds are met.
     std::vector<std::string> faults() const;

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "core/math/rng.h"
 #include "tv/vote_math.h"
 
 namespace tvsgs {
@@ -13,30 +12,6 @@ namespace {
 struct SurfacePoint {
     Vec3d position, normal;
     double spacing;
-};
-
-/// The draws of one splat, in a fixed order.
-class Draws {
-public:
-    Draws(std::uint64_t seed, int index) : seed_(seed), index_(static_cast<std::uint64_t>(index)) {}
-    double uniform(double low = 0, double high = 1) {
-        if (next_ == 4) {
-            block_ = random4(seed_, RandomStream::test, index_, sub_++);
-            next_ = 0;
-        }
-        return low + (high - low) * double(tvsgs::uniform(block_.v[next_++]));
-    }
-    Vec3d normal3() {
-        return vec_cast<double>(tvsgs::normal3(random4(seed_, RandomStream::test, index_, sub_++)));
-    }
-    double normal() { return normal3().x; }
-    Vec3d direction() { return normalize(normal3()); }
-
-private:
-    std::uint64_t seed_, index_;
-    std::uint32_t sub_ = 0;
-    Random4 block_{};
-    int next_ = 4;
 };
 
 SurfacePoint on_sphere(int count, Draws& draw) {
@@ -72,20 +47,22 @@ void put(Gaussians<Cpu>& g, std::size_t i, const SurfacePoint& point, bool stray
     const double base = stray ? 3 * h : 0.7 * h;
     const double a = base * std::exp(0.5 * deviates.x), b = base * std::exp(0.5 * deviates.y);
     const double thin = 0.03 * std::min(a, b) * std::exp(0.5 * deviates.z);
-    const double off = stray ? 0 : 0.1 * h * draw.normal();
+    const double off = stray ? 0 : 0.1 * h * draw.normal3().x;
     g.means[i] = vec_cast<float>(point.position + off * point.normal);
     g.log_scales[i] = {static_cast<float>(std::log(a)), static_cast<float>(std::log(b)),
                        static_cast<float>(std::log(thin))};
-    // A turn about z, then the shortest rotation that takes z to the normal.
-    const Vec3d half = n + Vec3d{0, 0, 1};
-    const Quat<double> q = norm(half) < 1e-6 ? Quat<double>{0, 1, 0, 0}
-                                             : normalize(Quat<double>{half.z, -half.y, half.x, 0});
-    const double turn = draw.uniform(0, kPi), c = std::cos(turn), s = std::sin(turn);
-    g.quats[i] = quat_cast<float>(
-        Quat<double>{q.w * c - q.z * s, q.x * c + q.y * s, q.y * c - q.x * s, q.z * c + q.w * s});
+    g.quats[i] = quat_cast<float>(turned_to(n, draw.uniform(0, kPi)));
 }
 
 }  // namespace
+
+Quat<double> turned_to(Vec3d to, double turn) {
+    const Vec3d half = to + Vec3d{0, 0, 1};
+    const Quat<double> q = norm(half) < 1e-6 ? Quat<double>{0, 1, 0, 0}
+                                             : normalize(Quat<double>{half.z, -half.y, half.x, 0});
+    const double c = std::cos(turn), s = std::sin(turn);
+    return {q.w * c - q.z * s, q.x * c + q.y * s, q.y * c - q.x * s, q.z * c + q.w * s};
+}
 
 const std::vector<std::string>& bench_shapes() {
     static const std::vector<std::string> shapes = {"sphere", "planes",     "cluster",

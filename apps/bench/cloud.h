@@ -5,9 +5,32 @@
 #include <string>
 #include <vector>
 
+#include "core/math/rng.h"
 #include "core/scene/gaussians.h"
 
 namespace tvsgs {
+
+/// The draws of one splat, in a fixed order.
+class Draws {
+public:
+    Draws(std::uint64_t seed, int index) : seed_(seed), index_(static_cast<std::uint64_t>(index)) {}
+    double uniform(double low = 0, double high = 1) {
+        if (next_ == 4) block_ = block(), next_ = 0;
+        return low + (high - low) * double(tvsgs::uniform(block_.v[next_++]));
+    }
+    Vec3d normal3() { return vec_cast<double>(tvsgs::normal3(block())); }
+    Vec3d direction() { return normalize(normal3()); }
+
+private:
+    Random4 block() { return random4(seed_, RandomStream::test, index_, sub_++); }
+    std::uint64_t seed_, index_;
+    std::uint32_t sub_ = 0;
+    Random4 block_{};
+    int next_ = 4;
+};
+
+/// A rotation from z to the direction `to`, after a turn about z by twice the angle `turn`.
+Quat<double> turned_to(Vec3d to, double turn);
 
 /// "sphere", "planes", ... in the order of the help.
 const std::vector<std::string>& bench_shapes();

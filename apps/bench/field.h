@@ -55,13 +55,6 @@ inline Sym3f difference(const Sym3f& a, const Sym3f& b) {
 inline double angle_deg(Vec3<double> a, Vec3<double> b) {
     return std::atan2(norm(cross(a, b)), std::abs(dot(a, b))) * 180 / kPi;
 }
-inline double angle_deg(Vec3f a, Vec3f b) {
-    return angle_deg(vec_cast<double>(a), vec_cast<double>(b));
-}
-/// (lambda_2 - lambda_3) / lambda_1.
-inline double relative_gap(Vec3f eigenvalues) {
-    return eigenvalues.x > 0 ? double(eigenvalues.y - eigenvalues.z) / eigenvalues.x : 0;
-}
 /// Below this gap a normal is sensitive to rounding and not compared.
 /// [docs/method/voting.md#bounds-of-agreement]
 inline constexpr double kComparedGap = 1e-2;

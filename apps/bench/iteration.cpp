@@ -2,6 +2,7 @@
 
 namespace tvsgs {
 
-template class BenchIteration<Cpu>;
+template IterationTimes time_iteration<Cpu>(
+    const Scene&, const TrainOptions&, const Gaussians<Cpu>&, int, int);
 
 }  // namespace tvsgs

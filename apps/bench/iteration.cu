@@ -2,6 +2,7 @@
 
 namespace tvsgs {
 
-template class BenchIteration<Cuda>;
+template IterationTimes time_iteration<Cuda>(
+    const Scene&, const TrainOptions&, const Gaussians<Cpu>&, int, int);
 
 }  // namespace tvsgs

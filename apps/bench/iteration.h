@@ -1,7 +1,6 @@
-// The iteration of a training with the losses of a configuration, again and again.
+// Times of the iteration of a training, again and again.
 #pragma once
 
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,30 +11,25 @@
 
 namespace tvsgs {
 
-/// What train() does with the first training view at the last iteration, but for the splats: they
-/// stay as they are (all rates are 0), and none come or go. No tensor voting.
-template <class Device>
-class BenchIteration {
-public:
-    /// `scene` has to outlive this; `splats` are copied.
-    BenchIteration(const Scene& scene, TrainOptions options, const Gaussians<Cpu>& splats);
-    BenchIteration(BenchIteration&&) noexcept;
-    ~BenchIteration();
-
-    /// What the backbone of the view does is timed by the backbone's own clock.
-    void run(StageClock<Device>& clock);
-
-    Backbone<Device>& backbone();  // of the view, not of others
-    Maps maps() const;             // of the view
-
-    /// Of the last run(): weighted values of the losses, and how many pixels could be compared with
-    /// another one (0 without).
-    std::vector<std::pair<std::string, double>> losses() const;
-    int compared_pixels() const;
-
-private:
-    struct Parts;
-    std::unique_ptr<Parts> parts_;
+struct IterationTimes {
+    std::vector<double> all_ms;                                     // with one wait at the end
+    std::vector<std::vector<std::pair<std::string, double>>> laps;  // ms, with a wait per stage
+    std::vector<double> unaccounted;  // shares of these iterations that are in no stage
+    RenderCounts counts;
+    BlendWork work;
+    std::vector<std::pair<std::string, double>> losses;  // weighted
+    int compared_pixels = 0;  // that could be compared with another view; 0 without one
+    Maps maps{};
+    std::int64_t bytes = 0;  // in use on the device at the end
 };
+
+/// Repeats what train() does with the first training view at the last iteration, but for the
+/// splats: they stay as they are (all rates are 0), and none come or go. No tensor voting.
+template <class Device>
+IterationTimes time_iteration(const Scene& scene,
+                              const TrainOptions& options,
+                              const Gaussians<Cpu>& splats,
+                              int warm_up,
+                              int repetitions);
 
 }  // namespace tvsgs

@@ -1,24 +1,22 @@
 // Timings of repeated stages: percentiles, as a table for people and as JSON.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "core/log.h"
+#include "core/math/quantile.h"
+#include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 
 namespace tvsgs {
 
-/// A percentile with linear interpolation, p in [0, 100]; 0 of nothing.
+/// p in [0, 100]; 0 of nothing.
 inline double percentile(std::vector<double> values, double p) {
-    if (values.empty()) return 0;
-    std::sort(values.begin(), values.end());
-    const double at = p / 100 * static_cast<double>(values.size() - 1);
-    const std::size_t low = static_cast<std::size_t>(at),
-                      high = std::min(low + 1, values.size() - 1);
-    return values[low] + (at - static_cast<double>(low)) * (values[high] - values[low]);
+    return quantile(values, p / 100);
 }
 
 /// Milliseconds of every repetition of a stage.
@@ -43,12 +41,8 @@ public:
             if (stage.name == name) return percentile(stage.ms, 50);
         return 0;
     }
-    JsonValue json() const {
-        return json([](const std::string&, double, JsonValue&) {});
-    }
-    /// more(stage, median in ms, line) may add to each stage's object.
-    template <class More>
-    JsonValue json(const More& more) const {
+    /// `floor_ms` gives the least possible time of a stage, 0: unknown.
+    JsonValue json(const std::function<double(const std::string& stage)>& floor_ms = {}) const {
         JsonValue list = JsonValue::list();
         for (const StageTimes& stage : stages_) {
             JsonValue line;
@@ -57,7 +51,8 @@ public:
                 .add("p10_ms", percentile(stage.ms, 10))
                 .add("p90_ms", percentile(stage.ms, 90))
                 .add("repetitions", static_cast<int>(stage.ms.size()));
-            more(stage.name, percentile(stage.ms, 50), line);
+            if (const double floor = floor_ms ? floor_ms(stage.name) : 0; floor > 0)
+                line.add("floor_ms", floor).add("ratio", percentile(stage.ms, 50) / floor);
             list.items.push_back(line);
         }
         return list;
@@ -74,6 +69,12 @@ public:
 private:
     std::vector<StageTimes> stages_;
 };
+
+/// Writes lines of JSON to standard output, and to the file `out` unless that is empty.
+inline void put_lines(const std::string& lines, const std::string& out) {
+    std::fputs(lines.c_str(), stdout);
+    if (!out.empty()) write_text_file(out, lines), spdlog::info("Results: {}", out);
+}
 
 class Stopwatch {
 public:

@@ -1,22 +1,34 @@
-#include "apps/bench/vote.h"
-
-#include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string_view>
 
 #include "apps/bench/case.h"
 #include "apps/bench/cloud.h"
 #include "apps/bench/stats.h"
+#include "apps/bench/subcommands.h"
+#include "apps/common/key_flags.h"
 #include "core/device/device_choice.h"
 #include "core/device/threads.h"
-#include "io/files/atomic_file.h"
 #include "pipeline/run/run_options.h"
 
 namespace tvsgs {
 namespace {
 
-/// Keys that trade memory or time against precision; --errors tries all their values.
-constexpr std::string_view kTradeKeys[] = {"tv.lists", "tv.precision"};
+struct VoteArguments {
+    std::vector<std::string> cases;
+    std::string device = "auto", shape = "sphere", out;
+    int synthetic = 0, repetitions = 20, warm_up = 3;
+    std::uint64_t seed = 1;
+    Configuration configuration;
+    KeyFlags flags;
+
+    explicit VoteArguments(CLI::App& app) : flags(app, configuration.table) {}
+    /// The options of voting.
+    const TvOptions& tv() {
+        flags.set_all(configuration.table);
+        return configuration.options.train.tv;
+    }
+};
 
 constexpr std::string_view kRebuildStages[] = {"keys", "tree", "search", "reverse"};
 
@@ -103,85 +115,6 @@ Measured measure(const Gaussians<Cpu>& cloud,
     return out;
 }
 
-/// Angles to the reference's normals after two events, where its eigenvalue gap allows.
-template <class Device>
-JsonValue normal_errors(const Gaussians<Cpu>& cloud,
-                        const TvOptions& options,
-                        const FieldOnHost& reference) {
-    Gaussians<Device> splats;
-    copy(cloud, splats);
-    const FieldOnHost field = run_events(splats, options, 2);
-    std::vector<double> angles;
-    std::int64_t not_finite = 0;
-    for (std::size_t i = 0; i < field.normals.size(); ++i) {
-        if ((reference.flags[i] & kHasTensor) == 0 ||
-            !(relative_gap(reference.eigenvalues[i]) > kComparedGap))
-            continue;
-        const double angle = angle_deg(field.normals[i], reference.normals[i]);
-        if (angle * 0 == 0)
-            angles.push_back(angle);
-        else
-            ++not_finite;
-    }
-    JsonValue json;
-    json.add("compared", angles.size())
-        .add("not_finite", not_finite)
-        .add("median_deg", percentile(angles, 50))
-        .add("p90_deg", percentile(angles, 90))
-        .add("p99_deg", percentile(angles, 99))
-        .add("max_deg", percentile(angles, 100));
-    return json;
-}
-
-bool is_trade(const Option& option) {
-    return std::find(std::begin(kTradeKeys), std::end(kTradeKeys), option.key) !=
-           std::end(kTradeKeys);
-}
-
-/// Of `from` what the rules of a stored case leave open.
-void take_trades(TvOptions from, TvOptions& to) {
-    OptionTable source, target;
-    source.add("tv", from), target.add("tv", to);
-    for (const Option& option : source.options())
-        if (is_trade(option)) target.set(option.key, option.get(), "tvsgs-bench");
-}
-
-RunOptions run_options(const std::vector<std::string>& configs,
-                       const std::vector<std::string>& settings) {
-    RunOptions run;
-    OptionTable table;
-    run.add_to(table);
-    for (const std::string& path : configs) table.read_file(path);
-    table.set_all(settings);
-    return run;
-}
-
-/// The configured options, or one entry for every combination of the values of kTradeKeys.
-struct Choice {
-    std::string name;
-    TvOptions options;
-};
-std::vector<Choice> choices(RunOptions& run, bool all) {
-    OptionTable table;
-    run.add_to(table);
-    std::vector<Choice> list = {{"", run.train.tv}};
-    for (const Option& option : table.options()) {
-        if (!is_trade(option)) continue;
-        std::vector<Choice> longer;
-        for (const Choice& shorter : list)
-            for (const std::string& value :
-                 all ? option.choices : std::vector<std::string>{option.get()}) {
-                run.train.tv = shorter.options;
-                table.set(option.key, value, "tvsgs-bench");
-                longer.push_back(
-                    {str(shorter.name, shorter.name.empty() ? "" : " ", option.key, "=", value),
-                     run.train.tv});
-            }
-        list = longer;
-    }
-    return list;
-}
-
 std::string comparison_json(const VotingCase& c,
                             const CaseComparison& result,
                             const std::string& device) {
@@ -205,120 +138,83 @@ std::string comparison_json(const VotingCase& c,
     json.add("quantities", quantities)
         .add("lists_with_ties", result.lists_with_ties)
         .add("excused", result.excused);
-    if (!result.not_stored.empty()) json.add("not_stored", result.not_stored);
     json.add("met", result.faults().empty());
     return json_text(json);
 }
 
-}  // namespace
-
-VoteBench::VoteBench(CLI::App& app)
-    : command_(app.add_subcommand("vote", "test and time tensor voting")) {
-    CLI::App& c = *command_;
-    c.add_option("--case", cases_,
-                 "compare with a case of the oracle (.npz); exit code 8 beyond the bounds")
-        ->expected(1)
-        ->take_all();
-    c.add_option("--synthetic", synthetic_, "time rebuild and event on N synthetic splats")
-        ->check(CLI::Range(1, 100'000'000));
-    c.add_option("--shape", shape_, "shape of the synthetic splats")
-        ->check(CLI::IsMember(bench_shapes()))
-        ->capture_default_str();
-    c.add_option("--seed", seed_, "seed of the synthetic splats")->capture_default_str();
-    c.add_option("--repetitions", repetitions_, "timed repetitions")
-        ->check(CLI::Range(1, 100'000))
-        ->capture_default_str();
-    c.add_option("--warm-up", warm_up_, "repetitions before the timed ones")
-        ->check(CLI::Range(1, 100'000))
-        ->capture_default_str();
-    c.add_flag("--errors", errors_,
-               "also measure the angles to the normals of the reference in double, for each form "
-               "of the lists");
-    c.add_option("-c,--config", configs_, "JSON configuration; only tv.* is used")
-        ->expected(1)
-        ->take_all();
-    c.add_option("--set", settings_, "a key of tv, such as tv.k=64")->expected(1)->take_all();
-    c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    add_output_flag(c, "--out", out_, "JSON file for the results, too");
-    c.add_flag("--quiet", quiet_, "warnings and errors only");
-}
-
-int VoteBench::run() const {
-    if (cases_.empty() == (synthetic_ == 0))
-        throw Error(ExitCode::usage, "give either --case or --synthetic");
-    return cases_.empty() ? time_synthetic() : compare_cases();
-}
-
-int VoteBench::compare_cases() const {
-    const DeviceChoice device = choose_device(device_);
-    const RunOptions run = run_options(configs_, settings_);
+int compare_cases(VoteArguments& a) {
+    const DeviceChoice device = choose_device(a.device);
+    const TvOptions& tv = a.tv();
     bool all_met = true;
     std::string lines;
-    for (const std::string& path : cases_) {
+    for (const std::string& path : a.cases) {
         VotingCase stored = read_voting_case(path);
-        take_trades(run.train.tv, stored.options);
+        stored.options.lists = tv.lists, stored.options.precision = tv.precision;
         const CaseComparison result =
             on_device(device, [&](auto tag) { return compare_case_on(stored, tag); });
         for (const std::string& fault : result.faults()) {
             all_met = false;
             spdlog::error("{}: {} (on {})", path, fault, device.description);
         }
-        const std::string line = comparison_json(stored, result, device.description) + "\n";
-        std::fputs(line.c_str(), stdout);
-        lines += line;
+        lines += comparison_json(stored, result, device.description) + "\n";
     }
-    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("Results: {}", out_);
+    put_lines(lines, a.out);
     return static_cast<int>(all_met ? ExitCode::done : ExitCode::bound);
 }
 
-int VoteBench::time_synthetic() const {
-    RunOptions run = run_options(configs_, settings_);
-    const DeviceChoice device = choose_device(device_);
-    const Gaussians<Cpu> cloud = make_bench_cloud(shape_, synthetic_, seed_);
-    FieldOnHost reference;
-    if (errors_) {
-        TvOptions exact = run.train.tv;
-        exact.precision = VotePrecision::double_precision;
-        reference = run_events(cloud, exact, 2);
-    }
-
-    JsonValue json, results = JsonValue::list();
-    for (const Choice& choice : choices(run, errors_)) {
-        JsonValue result;
-        result.add("choice", choice.name);
-        const Measured m = on_device(device, [&](auto tag) {
-            using Device = decltype(tag);
-            if (errors_)
-                result.add("normal_error", normal_errors<Device>(cloud, choice.options, reference));
-            return measure<Device>(cloud, choice.options, warm_up_, repetitions_);
-        });
-        result.add("rebuild_ms", m.timings.median("rebuild, sum of stages"))
-            .add("event_ms", m.timings.median("event"))
-            .add("stages", m.timings.json())
-            .add("counters", m.counters)
-            .add("memory", m.memory);
-        results.items.push_back(result);
-        if (quiet_) continue;
-        std::fprintf(stderr, "%s, %d splats, k %d, %s%s%s\n", shape_.c_str(), synthetic_,
-                     choice.options.k, device.description.c_str(), choice.name.empty() ? "" : ", ",
-                     choice.name.c_str());
+int time_synthetic(VoteArguments& a) {
+    const TvOptions& tv = a.tv();
+    const DeviceChoice device = choose_device(a.device);
+    const Gaussians<Cpu> cloud = make_bench_cloud(a.shape, a.synthetic, a.seed);
+    const Measured m = on_device(device, [&](auto tag) {
+        return measure<decltype(tag)>(cloud, tv, a.warm_up, a.repetitions);
+    });
+    if (!is_quiet()) {
+        std::fprintf(stderr, "%s, %d splats, k %d, %s\n", a.shape.c_str(), a.synthetic, tv.k,
+                     device.description.c_str());
         m.timings.print();
         std::fprintf(stderr, "  counters %s\n  memory   %s\n", json_text(m.counters).c_str(),
                      json_text(m.memory).c_str());
     }
+    JsonValue json;
     json.add("bench", "vote")
         .add("version", kVersion)
         .add("device", device.description)
         .add("threads", thread_count())
-        .add("shape", shape_)
-        .add("splats", synthetic_)
-        .add("seed", seed_)
-        .add("k", run.train.tv.k)
-        .add("results", results);
-    std::printf("%s\n", json_text(json).c_str());
-    if (!out_.empty())
-        write_text_file(out_, json_text(json) + "\n"), spdlog::info("Results: {}", out_);
-    return static_cast<int>(ExitCode::done);
+        .add("shape", a.shape)
+        .add("splats", a.synthetic)
+        .add("seed", a.seed)
+        .add("k", tv.k)
+        .add("rebuild_ms", m.timings.median("rebuild, sum of stages"))
+        .add("event_ms", m.timings.median("event"))
+        .add("stages", m.timings.json())
+        .add("counters", m.counters)
+        .add("memory", m.memory);
+    put_lines(json_text(json) + "\n", a.out);
+    return 0;
+}
+
+}  // namespace
+
+Subcommand add_bench_vote(CLI::App& app) {
+    CLI::App& c = *app.add_subcommand("vote", "test and time tensor voting");
+    const auto a = std::make_shared<VoteArguments>(c);
+    add_repeated(c, "--case", a->cases,
+                 "compare with a case of the oracle (.npz); exit code 8 beyond the bounds");
+    add_number(c, "--synthetic", a->synthetic, 1, 100'000'000,
+               "time rebuild and event on N synthetic splats");
+    add_choice(c, "--shape", a->shape, bench_shapes(), "shape of the synthetic splats");
+    c.add_option("--seed", a->seed, "seed of the synthetic splats");
+    add_number(c, "--repetitions", a->repetitions, 1, 100'000, "timed repetitions");
+    add_number(c, "--warm-up", a->warm_up, 1, 100'000, "repetitions before the timed ones");
+    a->flags.add_config("JSON configuration; only tv.* is used");
+    c.add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
+    add_output_flag(c, "--out", a->out, "JSON file for the results, too");
+    return {&c, [a] {
+                if (a->cases.empty() == (a->synthetic == 0))
+                    throw usage_error("give either --case or --synthetic");
+                return a->cases.empty() ? time_synthetic(*a) : compare_cases(*a);
+            }};
 }
 
 }  // namespace tvsgs

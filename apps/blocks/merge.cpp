@@ -1,5 +1,4 @@
 // tvsgs-blocks merge: joins the splats of all blocks to one run.
-#include <filesystem>
 #include <map>
 #include <memory>
 
@@ -16,8 +15,6 @@
 
 namespace tvsgs {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct MergeArguments {
     std::string folder, out, scene;
@@ -56,19 +53,16 @@ int merge(const MergeArguments& a) {
     for (const FileRecord& file : manifest.files)
         if (const auto fault = fault_of(manifest.folder, file);
             fault && file.name.find('/') == std::string::npos)
-            throw Error(ExitCode::input,
-                        str(manifest.folder, "/", file.name, " ", *fault,
-                            "; run tvsgs-blocks split again, into another folder"));
+            throw input_error(manifest.folder, "/", file.name, " ", *fault,
+                              "; run tvsgs-blocks split again, into another folder");
     const std::vector<BlockResult> results = require_results(manifest);
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
+    Configuration configuration;
+    auto& [options, table] = configuration;
     table.read_file(manifest.folder + "/config.json");
     table.set("scene.path", a.scene.empty() ? manifest.scene : a.scene, "--scene");
     if (lies_in(a.out, manifest.folder))
-        throw Error(ExitCode::usage,
-                    str("--out ", a.out, ": lies inside the folder of the blocks, ",
-                        manifest.folder, "; choose a folder outside"));
+        throw usage_error("--out ", a.out, ": lies inside the folder of the blocks, ",
+                          manifest.folder, "; choose a folder outside");
     require_free_run_folder(a.out, a.overwrite, false, options.scene);
 
     // 1. The splats inside of each block's cell, then the far splats.
@@ -93,8 +87,7 @@ int merge(const MergeArguments& a) {
     const std::int64_t far = parts.back().size();
     const Gaussians<Cpu> whole = join_splats(parts, options.train.model.sh_degree);
     if (whole.size() == 0)
-        throw Error(ExitCode::input,
-                    str(manifest.folder, ": no block has a splat inside its cell"));
+        throw input_error(manifest.folder, ": no block has a splat inside its cell");
     const std::string cameras = cameras_of_blocks(manifest);
     read_sky(options.train.loss.photometric, manifest.folder);
 
@@ -133,20 +126,17 @@ int merge(const MergeArguments& a) {
 
 }  // namespace
 
-BlocksCommand add_blocks_merge(CLI::App& app) {
+Subcommand add_blocks_merge(CLI::App& app) {
     const auto a = std::make_shared<MergeArguments>();
     CLI::App* const command = app.add_subcommand("merge", "merge the blocks into one run");
     add_blocks_folder(*command, a->folder);
     command->add_option("-o,--out", a->out, "run folder to write")->required();
     command->add_option("-s,--scene", a->scene, "folder of the scene [as when it was split]");
-    command
-        ->add_option("--fade", a->fade,
-                     "standard deviations of a splat over which it fades out on either side of a "
-                     "cut; 0: hard cut at its centre")
-        ->check(in_range(0.0, 10.0))
-        ->capture_default_str();
+    add_number(*command, "--fade", a->fade, 0.0, 10.0,
+               "standard deviations of a splat over which it fades out on either side of a cut; 0: "
+               "hard cut at its centre");
     command->add_flag("--overwrite", a->overwrite, "replace an earlier run in the folder");
-    return {command, [a](bool) { return merge(*a); }};
+    return {command, [a] { return merge(*a); }};
 }
 
 }  // namespace tvsgs

@@ -1,6 +1,4 @@
 // tvsgs-blocks run: trains one block with tvsgs-train and writes done.json when it has finished.
-#include "apps/blocks/run.h"
-
 #include <filesystem>
 #include <memory>
 
@@ -9,10 +7,8 @@
 #include "core/grouped.h"
 #include "core/progress.h"
 #include "io/files/json_value.h"
-#include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
-#include "pipeline/run/run_options.h"
 #include "pipeline/scene/exposures.h"
 #include "pipeline/scene/sky.h"
 
@@ -29,28 +25,25 @@ void run_train(const std::vector<std::string>& words) {
 }
 
 RunOptions whole_options(const BlocksManifest& manifest, const std::vector<std::string>& settings) {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    table.read_file(manifest.folder + "/config.json");
-    table.set_all(settings);
-    return options;
+    Configuration whole;
+    whole.table.read_file(manifest.folder + "/config.json");
+    whole.table.set_all(settings);
+    return whole.options;
 }
 
 void check_scene(const BlocksManifest& manifest, const std::string& scene) {
     RunOptions options = whole_options(manifest);
     options.scene.path = scene;
     if (const std::uint32_t found = scene_identity(options.scene); found != manifest.scene_crc)
-        throw Error(ExitCode::input,
-                    str(scene, ": other images or cameras than when ", manifest.folder,
-                        " was split; give that scene with --scene, or split again"));
+        throw input_error(scene, ": other images or cameras than when ", manifest.folder,
+                          " was split; give that scene with --scene, or split again");
 }
 
 namespace {
 
 /// Reads seconds, splats and peak memory from the last line of a run's log.
 void read_summary(const std::string& log, BlockResult& result) {
-    const auto damaged = [](const std::string& why) { throw Error(ExitCode::input, why); };
+    const auto damaged = [](const std::string& why) { throw input_error(why); };
     for (const JsonValue& line : parse_json_lines(read_bytes(log), log, damaged)) {
         if (line["event"].text_or("") != "done") continue;
         result.seconds = line["seconds"].number_or(0);
@@ -64,13 +57,9 @@ std::vector<std::string> block_words(const std::string& blocks,
                                      const std::string& scene,
                                      const std::string& folder,
                                      const BlockInputs& inputs) {
-    std::vector<std::string> words{"tvsgs-train",
-                                   "--scene",
-                                   scene,
-                                   "--train-list",
-                                   folder + "/views.txt",
-                                   "--init-ply",
-                                   folder + "/points.ply"};
+    std::vector<std::string> words{"tvsgs-train"};
+    words.insert(words.end(), {"--scene", scene, "--train-list", folder + "/views.txt",
+                               "--init-ply", folder + "/points.ply"});
     if (inputs.fixed_splats > 0)
         words.insert(words.end(), {"--set", "init.fixed_splats=" + folder + "/fixed.ply"});
     if (has_exposures(blocks))
@@ -112,19 +101,19 @@ void without_record(const BlocksManifest& manifest,
     }
 }
 
-int run_block(const RunArguments& a, bool quiet) {
+int run_block(const RunArguments& a) {
     // Absolute, because runs store these paths and can be resumed from other folders.
     const BlocksManifest manifest =
         read_manifest(fs::absolute(a.folder).lexically_normal().string());
     if (a.block < 1 || a.block > manifest.count())
-        throw Error(ExitCode::usage, str("--block ", a.block, ": ", a.folder, " has blocks 1 to ",
-                                         manifest.count()));
+        throw usage_error("--block ", a.block, ": ", a.folder, " has blocks 1 to ",
+                          manifest.count());
     const std::string folder = manifest.block_folder(a.block), run = folder + "/run";
     const BlockInputs inputs = read_block_inputs(manifest, a.block);
     const FolderLock lock(folder);
     if (lock.held())
-        throw Error(ExitCode::usage, str("block ", a.block, ": another tvsgs-blocks trains it in ",
-                                         folder, "; wait for it"));
+        throw usage_error("block ", a.block, ": another tvsgs-blocks trains it in ", folder,
+                          "; wait for it");
     if (!a.again)
         if (const auto done = read_block_result(manifest, a.block)) {
             spdlog::info("Block {} is done, {} splats; --again trains it again", a.block,
@@ -141,7 +130,7 @@ int run_block(const RunArguments& a, bool quiet) {
                                std::to_string(a.checkpoint_every), "--out", run, "--device",
                                a.device, "--progress", a.progress});
     for (const std::string& setting : a.settings) words.insert(words.end(), {"--set", setting});
-    if (quiet) words.push_back("--quiet");
+    if (is_quiet()) words.push_back("--quiet");
     words.push_back(a.again || cannot_go_on(run) ? "--overwrite" : "--resume");
     with_context(str("training block ", a.block), [&] {
         without_record(manifest, a.block, folder + "/done.json", [&] { run_train(words); });
@@ -160,7 +149,7 @@ int run_block(const RunArguments& a, bool quiet) {
 
 }  // namespace
 
-BlocksCommand add_blocks_run(CLI::App& app) {
+Subcommand add_blocks_run(CLI::App& app) {
     const auto a = std::make_shared<RunArguments>();
     CLI::App* const command = app.add_subcommand(
         "run", "train one block, or all; skips finished blocks, continues stopped ones");
@@ -171,33 +160,27 @@ BlocksCommand add_blocks_run(CLI::App& app) {
         command->add_option("--gpus", a->gpus,
                             "train all unfinished blocks on these GPUs, one block per GPU at a "
                             "time: all, or numbers such as 0,2");
-    CLI::Option* const jobs =
-        command
-            ->add_option("--jobs", a->jobs, "train all unfinished blocks on the CPU, N at a time")
-            ->check(CLI::Range(1, 1024));
+    CLI::Option* const jobs = add_number(*command, "--jobs", a->jobs, 1, 1024,
+                                         "train all unfinished blocks on the CPU, N at a time");
     command->add_option("-s,--scene", a->scene, "folder of the scene [as when it was split]");
     CLI::Option* const device =
         command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
-    command
-        ->add_option("--checkpoint-every", a->checkpoint_every,
-                     "iterations between checkpoints; 0: only when stopped")
-        ->check(CLI::Range(0, 1000000000));
-    command->add_option("--set", a->settings, "key for tvsgs-train")->expected(1)->take_all();
+    add_number(*command, "--checkpoint-every", a->checkpoint_every, 0, 1000000000,
+               "iterations between checkpoints; 0: only when stopped");
+    add_repeated(*command, "--set", a->settings, "key for tvsgs-train");
     CLI::Option* const again =
         command->add_flag("--again", a->again, "train from the beginning, even if finished");
-    command->add_option("--progress", a->progress, "form of the progress: auto, plain or json")
-        ->check(CLI::IsMember({"auto", "plain", "json"}));
+    add_choice(*command, "--progress", a->progress, {"auto", "plain", "json"},
+               "form of the progress: auto, plain or json");
     gpus->excludes(block)->excludes(jobs)->excludes(device)->excludes(again);
     jobs->excludes(block)->excludes(device)->excludes(again);
-    return {command, [=](bool quiet) {
-                if (block->count() > 0) return run_block(*a, quiet);
+    return {command, [=] {
+                if (block->count() > 0) return run_block(*a);
                 if (gpus->count() + jobs->count() == 0)
-                    throw Error(ExitCode::usage,
-                                "give --block N for one block, --gpus all for all blocks on the "
-                                "GPUs, or --jobs N for all on the CPU");
-                if (!quiet && a->progress != "auto")
-                    set_progress_style(a->progress == "json" ? ProgressStyle::json
-                                                             : ProgressStyle::plain);
+                    throw usage_error(
+                        "give --block N for one block, --gpus all for all blocks on the GPUs, or "
+                        "--jobs N for all on the CPU");
+                choose_progress_style(a->progress);
                 return run_all_blocks(*a);
             }};
 }

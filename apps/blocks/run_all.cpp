@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "apps/blocks/run.h"
 #include "apps/blocks/subcommands.h"
 #include "core/device/device_choice.h"
 #include "core/device/threads.h"
@@ -63,20 +62,12 @@ ChildProcess::Command command_of(const BlocksManifest& manifest,
                                  const std::string& program) {
     ChildProcess::Command command;
     command.own_group = true;
-    command.words = {program,
-                     "run",
-                     manifest.folder,
-                     "--block",
-                     str(block),
-                     "--device",
-                     a.jobs > 0 ? "cpu" : place,
-                     "--progress",
-                     "json",
-                     "--checkpoint-every",
-                     str(a.checkpoint_every)};
+    command.words = {program, "run", manifest.folder};
     const auto add = [&](const char* flag, const std::string& value) {
         command.words.insert(command.words.end(), {flag, value});
     };
+    add("--block", str(block)), add("--device", a.jobs > 0 ? "cpu" : place);
+    add("--progress", "json"), add("--checkpoint-every", str(a.checkpoint_every));
     if (!a.scene.empty()) add("--scene", a.scene);
     for (const std::string& setting : a.settings) add("--set", setting);
     return command;
@@ -113,9 +104,8 @@ int run_all_blocks(const RunArguments& a) {
         read_manifest(fs::absolute(a.folder).lexically_normal().string());
     const FolderLock lock(manifest.folder);
     if (lock.held())
-        throw Error(
-            ExitCode::usage,
-            str(a.folder, ": another tvsgs-blocks run trains all blocks; wait for it, or stop it"));
+        throw usage_error(a.folder,
+                          ": another tvsgs-blocks run trains all blocks; wait for it, or stop it");
     const RunOptions options = whole_options(manifest, a.settings);
     BlockSchedule schedule;
     schedule.places = places_of(a);
@@ -126,9 +116,9 @@ int run_all_blocks(const RunArguments& a) {
     const std::string program = fs::read_symlink("/proc/self/exe").string();
     schedule.command = [&](int block, const std::string& place, bool alone) {
         if (!fs::is_directory(manifest.block_folder(block)))
-            throw Error(ExitCode::input, str(manifest.block_folder(block),
-                                             " is missing; run tvsgs-blocks split again, into "
-                                             "another folder"));
+            throw Error(ExitCode::input,
+                        str(manifest.block_folder(block),
+                            " is missing; run tvsgs-blocks split again, into another folder"));
         ChildProcess::Command command = command_of(manifest, a, block, place, program);
         const Share& share = alone ? whole : part;
         command.environment.push_back(str("OMP_NUM_THREADS=", share.threads));

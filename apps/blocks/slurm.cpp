@@ -40,14 +40,13 @@ int print_job(const SlurmArguments& a) {
 
 }  // namespace
 
-BlocksCommand add_blocks_slurm(CLI::App& app) {
+Subcommand add_blocks_slurm(CLI::App& app) {
     const auto a = std::make_shared<SlurmArguments>();
     CLI::App* const command =
         app.add_subcommand("slurm", "print a job array for sbatch, one task per block");
     add_blocks_folder(*command, a->folder);
-    command->add_option("--device", a->device, "cuda (one GPU per task) or cpu")
-        ->check(CLI::IsMember({"cuda", "cpu"}));
-    return {command, [a](bool) { return print_job(*a); }};
+    add_choice(*command, "--device", a->device, {"cuda", "cpu"}, "cuda (one GPU per task) or cpu");
+    return {command, [a] { return print_job(*a); }};
 }
 
 }  // namespace tvsgs

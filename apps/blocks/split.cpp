@@ -37,43 +37,33 @@ constexpr const char* kUnfinished = "/split-unfinished";
 void require_free_folder(const std::string& out) {
     std::error_code code;
     if (fs::exists(out + "/manifest.json", code))
-        throw Error(ExitCode::usage, str("--out ", out,
-                                         ": holds a split scene; choose another folder, or remove "
-                                         "it and all its trained blocks"));
+        throw usage_error("--out ", out,
+                          ": holds a split scene; choose another folder, or remove it and all its "
+                          "trained blocks");
     if (!fs::exists(out, code) || fs::exists(out + kUnfinished, code)) return;
     if (!fs::is_directory(out, code) || !fs::is_empty(out, code))
-        throw Error(ExitCode::usage,
-                    str("--out ", out, ": already exists and is not empty; choose another folder"));
+        throw usage_error("--out ", out,
+                          ": already exists and is not empty; choose another folder");
 }
 
 /// Trains the coarse run in BLOCKS/coarse, or resumes it.
-std::string train_coarse(const SplitArguments& a, bool quiet) {
+std::string train_coarse(const SplitArguments& a) {
     const std::string run = a.out + "/coarse";
     spdlog::info("Training the coarse run in {}", run);
-    std::vector<std::string> words{"tvsgs-train",
-                                   "--scene",
-                                   a.scene,
-                                   "--out",
-                                   run,
-                                   "-r",
-                                   std::to_string(a.coarse_resolution),
-                                   "--device",
-                                   a.device,
-                                   "--max-gaussians",
-                                   std::to_string(a.coarse_splats)};
+    std::vector<std::string> words{"tvsgs-train"};
+    words.insert(words.end(), {"--scene", a.scene, "--out", run, "-r", str(a.coarse_resolution),
+                               "--device", a.device, "--max-gaussians", str(a.coarse_splats)});
     for (const std::string& config : a.configs) words.insert(words.end(), {"--config", config});
     for (const std::string& setting : a.settings) words.insert(words.end(), {"--set", setting});
-    if (quiet) words.push_back("--quiet");
+    if (is_quiet()) words.push_back("--quiet");
     words.push_back("--resume");
     with_context("training the coarse run", [&] { run_train(words); });
     return run;
 }
 
 /// Settings of the whole scene, from the resolved settings of the coarse run.
-void configure(const SplitArguments& a,
-               const std::string& coarse,
-               TrainOptions& train,
-               OptionTable& table) {
+void configure(const SplitArguments& a, const std::string& coarse, Configuration& whole) {
+    OptionTable& table = whole.table;
     table.read_file(run_config_path(coarse));
     if (!a.coarse.empty()) {
         for (const std::string& config : a.configs) table.read_file(config);
@@ -86,16 +76,15 @@ void configure(const SplitArguments& a,
     table.set("plan.until", "iterations", by);
     if (a.has_resolution || a.coarse.empty())
         table.set("scene.resolution", std::to_string(a.resolution), by);
-    if (a.iterations > 0) fit_schedule(train, a.iterations);
+    if (a.iterations > 0) fit_schedule(whole.options.train, a.iterations);
     for (const char* key : {"eval.gt", "eval.at", "init.fixed_splats"}) table.set(key, "", by);
     table.set("eval.every", "0", by), table.set("eval.mesh", "false", by);
 }
 
 void check_supported(const RunOptions& options) {
     if (!options.train.tv.fixed_voters.empty())
-        throw Error(ExitCode::usage,
-                    str(options.train.tv.fixed_voters,
-                        ": blocks cannot use measured points (tv.fixed_voters); remove them"));
+        throw usage_error(options.train.tv.fixed_voters,
+                          ": blocks cannot use measured points (tv.fixed_voters); remove them");
     if (options.train.cameras.refine)
         spdlog::warn(
             "cameras.refine is off in blocks, which must share their poses; to use refined poses, "
@@ -108,9 +97,8 @@ std::string block_config(const RunOptions& options,
                          const std::string& base,
                          double whole_over_block,
                          const SplitOptions& split) {
-    RunOptions block;
-    OptionTable table;
-    block.add_to(table);
+    Configuration of_block;
+    auto& [block, table] = of_block;
     table.read_text("BLOCKS/config.json", base);
     const std::string by = "tvsgs-blocks split";
     for (const char* key :
@@ -188,16 +176,15 @@ std::string commands_text(const BlocksManifest& manifest) {
     return text;
 }
 
-int split_scene(SplitArguments a, bool quiet) {
+int split_scene(SplitArguments a) {
     if ((a.split.blocks > 0) == (a.split.max_splats > 0))
-        throw Error(ExitCode::usage, "give either --blocks N or --max-splats N");
+        throw usage_error("give either --blocks N or --max-splats N");
     if (a.scene.empty() && a.coarse.empty())
-        throw Error(ExitCode::usage, "give --scene DIR, or --coarse RUN, which knows its scene");
+        throw usage_error("give --scene DIR, or --coarse RUN, which knows its scene");
     if (!a.up.empty()) {
         const Vec3d up{a.up[0], a.up[1], a.up[2]};
         if (!(norm(up) > 0))
-            throw Error(ExitCode::usage,
-                        "--up: expected a direction such as 0,0,1, found length 0");
+            throw usage_error("--up: expected a direction such as 0,0,1, found length 0");
         a.split.up = up;
     }
     while (a.out.size() > 1 && a.out.back() == '/') a.out.pop_back();
@@ -209,16 +196,13 @@ int split_scene(SplitArguments a, bool quiet) {
     write_text_file(a.out + kUnfinished, "tvsgs-blocks split has not come to its end\n");
 
     // 1. The coarse run, and the settings of the whole scene.
-    const std::string run = a.coarse.empty() ? train_coarse(a, quiet) : a.coarse;
-    RunOptions of_coarse;
-    OptionTable coarse_table;
-    of_coarse.add_to(coarse_table);
-    coarse_table.read_file(run_config_path(run));
+    const std::string run = a.coarse.empty() ? train_coarse(a) : a.coarse;
+    Configuration coarse_run, whole;
+    coarse_run.table.read_file(run_config_path(run));
+    RunOptions& of_coarse = coarse_run.options;
     if (!a.scene.empty()) of_coarse.scene.path = a.scene;
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    configure(a, run, options.train, table);
+    configure(a, run, whole);
+    auto& [options, table] = whole;
     check_supported(options);
     of_coarse.scene.points_required = false;
     const Scene scene = read_scene_of_run(of_coarse.scene, run);
@@ -292,7 +276,7 @@ int split_scene(SplitArguments a, bool quiet) {
 
 }  // namespace
 
-BlocksCommand add_blocks_split(CLI::App& app) {
+Subcommand add_blocks_split(CLI::App& app) {
     const auto a = std::make_shared<SplitArguments>();
     CLI::App* const command = app.add_subcommand(
         "split", "cut a scene into blocks by a coarse run of the whole scene, trained if missing");
@@ -301,12 +285,10 @@ BlocksCommand add_blocks_split(CLI::App& app) {
     CLI::Option* const coarse = command->add_option(
         "--coarse", a->coarse,
         "finished run of the whole scene [trained in OUT/coarse on smaller photographs]");
-    command->add_option("--blocks", a->split.blocks, "number of blocks [by --max-splats]")
-        ->check(CLI::Range(1, 4096));
-    command
-        ->add_option("--max-splats", a->split.max_splats,
-                     "most splats of a block, with its margin; decides the number of blocks [any]")
-        ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}));
+    add_number(*command, "--blocks", a->split.blocks, 1, 4096,
+               "number of blocks [by --max-splats]");
+    add_number(*command, "--max-splats", a->split.max_splats, 1, 2000000000,
+               "most splats of a block, with its margin; decides the number of blocks [any]");
     command
         ->add_option(
             "--margin", a->split.margin,
@@ -320,10 +302,8 @@ BlocksCommand add_blocks_split(CLI::App& app) {
         command->add_option("-r,--resolution", a->resolution,
                             "photographs of the blocks: 1, 2, 4, 8 divide the size; -1: at most "
                             "1600 px wide; other: width in pixels [-1, or that of --coarse]");
-    command
-        ->add_option("--iterations", a->iterations,
-                     "training iterations of each block [those of the coarse run]")
-        ->check(CLI::Range(1, 1000000000));
+    add_number(*command, "--iterations", a->iterations, 1, 1000000000,
+               "training iterations of each block [those of the coarse run]");
     command
         ->add_option("--coarse-resolution", a->coarse_resolution,
                      "photographs of the coarse run, as -r")
@@ -331,13 +311,11 @@ BlocksCommand add_blocks_split(CLI::App& app) {
     command->add_option("--coarse-splats", a->coarse_splats, "most splats of the coarse run")
         ->excludes(coarse);
     command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
-    command->add_option("-c,--config", a->configs, "JSON file for tvsgs-train; later files win")
-        ->expected(1)
-        ->take_all();
-    command->add_option("--set", a->settings, "key for tvsgs-train")->expected(1)->take_all();
-    return {command, [a, resolution](bool quiet) {
+    add_repeated(*command, "-c,--config", a->configs, "JSON file for tvsgs-train; later files win");
+    add_repeated(*command, "--set", a->settings, "key for tvsgs-train");
+    return {command, [a, resolution] {
                 a->has_resolution = resolution->count() > 0;
-                return split_scene(*a, quiet);
+                return split_scene(*a);
             }};
 }
 

@@ -88,7 +88,7 @@ int status(const StatusArguments& a) {
 
 }  // namespace
 
-BlocksCommand add_blocks_status(CLI::App& app) {
+Subcommand add_blocks_status(CLI::App& app) {
     const auto a = std::make_shared<StatusArguments>();
     CLI::App* const command = app.add_subcommand(
         "status", "print the state of each block: waiting, training, stopped, done or damaged");
@@ -96,7 +96,7 @@ BlocksCommand add_blocks_status(CLI::App& app) {
     const auto missing = command->add_flag(
         "--missing", a->missing, "print only the numbers of unfinished blocks, such as 3,7-9");
     command->add_flag("--json", a->json, "print JSON")->excludes(missing);
-    return {command, [a](bool) { return status(*a); }};
+    return {command, [a] { return status(*a); }};
 }
 
 }  // namespace tvsgs

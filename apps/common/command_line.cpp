@@ -10,7 +10,6 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
-#include <map>
 #include <new>
 #include <regex>
 #include <set>
@@ -23,6 +22,7 @@
 #include "core/device/threads.h"
 #include "core/grouped.h"
 #include "core/nearest_name.h"
+#include "core/progress.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "mesh/fuse/device_algorithms.h"
@@ -57,35 +57,33 @@ constexpr const char* kPlainLetters =  // need no quotes in a shell
 constexpr const char* kManFlag = "--help-man";      // used by cmake/install.cmake
 constexpr const char* kWordsFlag = "--help-words";  // used by packaging/tvsgs.bash
 
-std::vector<CLI::App*> subcommands_of(CLI::App& app) {
-    return app.get_subcommands(std::function<bool(CLI::App*)>([](CLI::App*) { return true; }));
-}
-
 /// Placeholder for the text value of an option, by its first long name.
 std::string type_of(const CLI::Option& option) {
-    static const std::map<std::string, std::string> kTypes{
-        {"set", "KEY=VALUE"},       {"require", "KEY<=X"},
-        {"device", "DEVICE"},       {"views", "I,J,..."},
-        {"tau", "T,T,..."},         {"bbox", "X,Y,Z,X,Y,Z"},
-        {"split", "NAME"},          {"gpu-memory", "SIZE"},
-        {"host-memory", "SIZE"},    {"eval-at", "S,S,..."},
-        {"texture", "auto|none|N"}, {"tnt-tau", "T"},
-        {"max-distance", "X"},      {"scan", "N"}};
-    static const std::set<std::string> kFiles{
-        "scene",      "images",  "train-list", "test-list", "masks",         "priors",
-        "init-ply",   "gt",      "visible-gt", "crop",      "config",        "out",
-        "resume",     "model",   "pred",       "maps",      "lpips-weights", "scene-dir",
-        "traj",       "run",     "runs",       "dtu",       "matrix",        "data",
-        "out-report", "results", "clouds",     "cameras",   "cull-masks",    "calibration",
-        "poses",      "blocks",  "published",  "align-file"};
-    const std::string name = option.get_lnames().empty() ? "" : option.get_lnames().front();
-    const auto found = kTypes.find(name);
-    return found != kTypes.end() ? found->second : kFiles.contains(name) ? "PATH" : "TEXT";
+    static const std::pair<const char*, std::set<std::string>> kTypes[] = {
+        {"SIZE", {"gpu-memory", "host-memory", "memory"}},
+        {"NAME", {"split", "method", "scene-name", "points", "mesh-units", "marker-dictionary"}},
+        {"NAME,...", {"scenes", "checkpoints"}},
+        {"N", {"scan", "cull-dilate"}},
+        {"N,N,...", {"views", "gpus", "cull", "spz-sh-bits"}},
+        {"X", {"max-distance", "tnt-tau"}},
+        {"X,X,...", {"tau", "eval-at"}},
+        {"X,Y,Z,X,Y,Z", {"bbox"}},
+        {"KEY=VALUE", {"set"}},
+        {"KEY<=X", {"require"}},
+        {"DEVICE", {"device"}},
+        {"auto|none|N", {"texture"}}};
+    for (const auto& [type, names] : kTypes)
+        if (!option.get_lnames().empty() && names.contains(option.get_lnames().front()))
+            return type;
+    return "PATH";
 }
 
 /// Settings of all options: the last value wins, and help shows the default unless the description
 /// does.
 void settle_flags(CLI::App& app) {
+    start_group(app, CLI::OptionDefaults().get_group());
+    if (!app.get_parent())
+        app.set_version_flag("-V,--version", kBuildInfo, "print version, build and libraries");
     use_help_format(app);
     app.set_help_flag("-h,--help", "print this page");
     app.set_help_all_flag("--help-all", "print all flags");
@@ -107,13 +105,13 @@ void settle_flags(CLI::App& app) {
         if (option->get_default_str() == "[]") option->default_str("");
         if (option->get_type_name() == "TEXT") option->type_name(type_of(*option));
     }
-    for (CLI::App* sub : subcommands_of(app)) settle_flags(*sub);
+    for (CLI::App* sub : app.get_subcommands(std::function<bool(CLI::App*)>())) settle_flags(*sub);
 }
 
 /// Completion words of the command, or of the subcommand in `argv`.
 std::string words_for_shell(CLI::App& app, int argc, char* const* argv) {
     for (int i = 1; i < argc; ++i)
-        for (CLI::App* sub : subcommands_of(app))
+        for (const CLI::App* sub : subcommands_of(app))
             if (sub->get_name() == argv[i]) return completion_words(*sub);
     return completion_words(app);
 }
@@ -160,6 +158,18 @@ std::string fault_of(CLI::App& app, const CLI::ParseError& error) {
     return text;
 }
 
+template <class Test>
+CLI::Validator number_that(const Test& good, const std::string& expected, const std::string& help) {
+    return CLI::Validator(
+        [=](std::string& text) {
+            double value = 0;
+            return CLI::detail::lexical_cast(text, value) && good(value)
+                       ? std::string()
+                       : str("expected ", expected, ", found '", text, "'");
+        },
+        help);
+}
+
 /// Prints `text` and ends the command.
 [[noreturn]] void answer(const std::string& text) {
     std::fputs(text.c_str(), stdout);
@@ -169,29 +179,16 @@ std::string fault_of(CLI::App& app, const CLI::ParseError& error) {
 
 }  // namespace
 
-const CLI::Validator kPositive(
-    [](std::string& text) {
-        double value = 0;
-        const bool good =
-            CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value);
-        return good ? std::string() : str("expected a number above 0, found '", text, "'");
-    },
-    "> 0");
+const CLI::Validator kPositive = number_that(
+    [](double value) { return value > 0 && std::isfinite(value); }, "a number above 0", "> 0");
 
 CLI::Validator in_range(double low, double high) {
-    return CLI::Validator(
-        [=](std::string& text) {
-            double value = 0;
-            const bool good =
-                CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
-            return good ? std::string()
-                        : str("expected a number from ", low, " to ", high, ", found '", text, "'");
-        },
-        CLI::Range(low, high).get_description());
+    return number_that([=](double value) { return value >= low && value <= high; },
+                       str("a number from ", low, " to ", high),
+                       CLI::Range(low, high).get_description());
 }
 
 void parse_command_line(CLI::App& app, int argc, char* const* argv) {
-    app.set_version_flag("-V,--version", kBuildInfo, "print version, build and libraries");
     settle_flags(app);
     if (argc > 1 && argv[argc - 1] == std::string_view(kManFlag)) answer(man_page(app));
     if (argc > 1 && argv[argc - 1] == std::string_view(kWordsFlag))
@@ -210,8 +207,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
     const std::function<void(const CLI::App&)> collect = [&](const CLI::App& a) {
         for (const CLI::Option* option : a.get_options())
             for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
-        for (const CLI::App* sub : a.get_subcommands([](const CLI::App*) { return true; }))
-            collect(*sub);
+        for (const CLI::App* sub : subcommands_of(a)) collect(*sub);
     };
     collect(app);
     try {
@@ -246,8 +242,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
         if (hint.empty() && app.get_subcommands().empty())
             for (const CLI::App* sub : subcommands_of(app))
                 hint += (hint.empty() ? ": " : ", ") + sub->get_name();
-        throw Error(ExitCode::usage,
-                    str("command line: ", fault_of(app, error), hint, "; see --help"));
+        throw usage_error("command line: ", fault_of(app, error), hint, "; see --help");
     }
 }
 
@@ -261,6 +256,57 @@ CLI::Option* add_output_flag(CLI::App& app,
     });
 }
 
+CLI::Option* add_choice(CLI::App& app,
+                        const std::string& names,
+                        std::string& value,
+                        const std::vector<std::string>& choices,
+                        const std::string& description) {
+    return app.add_option(names, value, description)->check(CLI::IsMember(choices));
+}
+
+void start_group(CLI::App& app, const std::string& heading) {
+    app.option_defaults()->group(heading);
+}
+
+CLI::Option* add_repeated(CLI::App& app,
+                          const std::string& names,
+                          std::vector<std::string>& values,
+                          const std::string& description) {
+    return app.add_option(names, values, description)->expected(1)->take_all();
+}
+
+void add_log_flags(CLI::App& app, Verbosity most) {
+    init_log(Verbosity::normal);
+    CLI::Option* const quiet = app.add_flag_callback(
+        "--quiet", [] { init_log(Verbosity::quiet); }, "warnings and errors only");
+    if (most == Verbosity::verbose)
+        app.add_flag_callback(
+               "-v,--verbose", [] { init_log(Verbosity::verbose); }, "more detail")
+            ->excludes(quiet);
+}
+
+bool is_quiet() {
+    return progress_style() == ProgressStyle::quiet;
+}
+
+void choose_progress_style(const std::string& name) {
+    if (!is_quiet() && name != "auto")
+        set_progress_style(name == "json" ? ProgressStyle::json : ProgressStyle::plain);
+}
+
+int run_subcommand(CLI::App& app,
+                   const std::vector<Subcommand>& subcommands,
+                   Verbosity most,
+                   int argc,
+                   char* const* argv) {
+    app.require_subcommand(1);
+    for (const Subcommand& sub : subcommands) add_log_flags(*sub.app, most);
+    parse_command_line(app, argc, argv);
+    for (const Subcommand& sub : subcommands)
+        if (sub.app->parsed()) return sub.run();
+    return 0;
+}
+
 std::string for_shell(const std::string& word) {
     if (!word.empty() && word.find_first_not_of(kPlainLetters) == word.npos) return word;
     std::string quoted = "'";
@@ -268,10 +314,14 @@ std::string for_shell(const std::string& word) {
     return quoted + '\'';
 }
 
-void say_next(std::initializer_list<std::string> words, const std::string& what) {
+std::string shell_line(const std::vector<std::string>& words) {
     std::string line;
     for (const std::string& word : words) line += (line.empty() ? "" : " ") + for_shell(word);
-    spdlog::info("Next, {}:\n    {}", what, line);
+    return line;
+}
+
+void say_next(const std::vector<std::string>& words, const std::string& what) {
+    spdlog::info("Next, {}:\n    {}", what, shell_line(words));
 }
 
 int run_command(const std::function<int()>& command) {

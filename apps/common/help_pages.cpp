@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <set>
-#include <vector>
 
 #include "core/error.h"
 #include "core/version.h"
@@ -27,10 +26,6 @@ const std::set<std::string>& flags_of_most_days() {
 
 std::vector<const CLI::Option*> flags_of(const CLI::App& app) {
     return app.get_options([](const CLI::Option* o) { return !o->get_group().empty(); });
-}
-
-std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
-    return app.get_subcommands([](const CLI::App* s) { return !s->get_group().empty(); });
 }
 
 bool takes_value(const CLI::Option& option) {
@@ -137,6 +132,10 @@ std::string page_of(const CLI::App& app) {
 }
 
 }  // namespace
+
+std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
+    return app.get_subcommands([](const CLI::App*) { return true; });
+}
 
 void use_help_format(CLI::App& app) {
     auto format = std::make_shared<HelpFormat>();

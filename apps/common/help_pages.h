@@ -3,8 +3,11 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 namespace tvsgs {
+
+std::vector<const CLI::App*> subcommands_of(const CLI::App& app);
 
 /// Sets how the help of `app` shows names, types and limits; call it before help_page().
 void use_help_format(CLI::App& app);

@@ -1,12 +1,11 @@
 // Command-line flags that set configuration keys.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "apps/common/command_line.h"
 #include "io/config/config.h"
 
 namespace tvsgs {
@@ -20,48 +19,57 @@ public:
     KeyFlags(const KeyFlags&) = delete;
     KeyFlags& operator=(const KeyFlags&) = delete;
 
-    void add(const char* names, const char* key, const char* help, const char* group) {
+    /// A flag that sets a key. `help`: in place of the key's own.
+    void add(const char* names, const char* key, std::string help = "") {
         const Option& option = table_.option(key);
-        const bool says_default = std::string_view(help).find('[') != std::string_view::npos;
-        app_.add_option_function<std::string>(
-                names, [this, key](const std::string& v) { given_.emplace_back(key, v); }, help)
+        if (help.empty()) help = option.help;
+        const auto set = [this, key](const std::string& v) { given_.emplace_back(key, v); };
+        if (option.kind == Option::Kind::boolean) {
+            app_.add_flag_callback(
+                names, [set] { set("true"); }, help);
+            return;
+        }
+        const bool says_default = help.find('[') != help.npos;
+        app_.add_option_function<std::string>(names, set, help)
             ->type_name(type_name(option))
-            ->default_str(says_default ? "" : option.get())
-            ->group(group);
+            ->default_str(says_default ? "" : option.get());
     }
-    void add_switch(const char* names, const char* key, const char* help, const char* group) {
-        app_.add_flag_callback(
-                names, [this, key] { given_.emplace_back(key, "true"); }, help)
-            ->group(group);
+
+    /// -c,--config and --set.
+    void add_config(const std::string& help = "JSON file of keys; later files win") {
+        add_repeated(app_, "-c,--config", files_, help);
+        add_set();
     }
+    void add_set() { add_repeated(app_, "--set", settings_, "KEY=VALUE of the configuration"); }
 
     /// Flags for the photographs of the scene and their selection.
     void add_scene(const char* group = "Scene") {
-        add("-s,--scene,--source-path,--data", "scene.path",
-            "folder of the scene: photographs and their cameras", group);
-        add("--format", "scene.format", "layout of the folder; auto: the first that fits [auto]",
-            group);
-        add("--images", "scene.images", "folder of the photographs, inside the scene [images]",
-            group);
-        add("-r,--resolution", "scene.resolution",
-            "1, 2, 4, 8: divide the size by it; -1: at most 1600 px wide; other: width in pixels",
-            group);
-        add("--split", "scene.split",
-            "list of splits.json to train on; its list 'test' gives the test views", group);
-        add("--train-list", "scene.train_list", "file of training images, one per line", group);
-        add("--test-list", "scene.test_list", "file of test images, one per line", group);
-        add("--views", "scene.views",
-            "training views by index into the sorted images, such as 23,24,33", group);
-        add("-n,--num-views", "scene.num_views", "use N evenly spaced photographs; 0: all", group);
-        add_switch("--eval", "scene.eval", "make every 8th view a test view (--test-every)", group);
-        add("--test-every", "scene.test_every", "with --eval: every Nth view is a test view [8]",
-            group);
-        add("--masks", "scene.masks", "folder of the masks [mask/, masks/ or the alpha channel]",
-            group);
+        start_group(app_, group);
+        add("-s,--scene,--source-path,--data", "scene.path");
+        add("--format", "scene.format");
+        add("--images", "scene.images");
+        add("-r,--resolution", "scene.resolution");
+        add("--split", "scene.split");
+        add("--train-list", "scene.train_list");
+        add("--test-list", "scene.test_list");
+        add("--views", "scene.views");
+        add("-n,--num-views", "scene.num_views");
+        add("--eval", "scene.eval", "make every 8th view a test view (--test-every)");
+        add("--test-every", "scene.test_every");
+        add("--masks", "scene.masks");
     }
 
+    bool has_files() const { return !files_.empty(); }
+    /// Sets the keys that have flags of their own.
     void set_keys(OptionTable& table) const {
         for (const auto& [key, value] : given_) table.set(key, value, "the command line");
+    }
+    /// Files, environment and flags, in this order. `known`: as in OptionTable::read_environment().
+    void set_all(OptionTable& table, const OptionTable* known = nullptr) const {
+        for (const std::string& file : files_) table.read_file(file);
+        table.read_environment(known);
+        set_keys(table);
+        table.set_all(settings_);
     }
 
 private:
@@ -71,8 +79,6 @@ private:
                 return "INT";
             case Option::Kind::real:
                 return "FLOAT";
-            case Option::Kind::boolean:
-                return "{true,false}";
             case Option::Kind::choice:
                 return "{" + CLI::detail::join(option.choices, ",") + "}";
             default:
@@ -83,6 +89,7 @@ private:
     CLI::App& app_;
     const OptionTable& table_;
     std::vector<std::pair<std::string, std::string>> given_;
+    std::vector<std::string> files_, settings_;
 };
 
 }  // namespace tvsgs

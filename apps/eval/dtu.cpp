@@ -2,12 +2,12 @@
 #include <memory>
 #include <optional>
 
-#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "eval/benchmark_files.h"
 #include "eval/dtu_files.h"
 #include "eval/dtu_protocol.h"
 #include "io/files/manifest.h"
+#include "io/files/read_file.h"
 #include "io/scene/npz_cameras.h"
 
 namespace tvsgs {
@@ -61,11 +61,10 @@ int dtu(const DtuArguments& a) {
     const bool normalised = to_millimetres(in.mesh, cameras ? &*cameras : nullptr, a.units);
     if (const FrameCheck frame = check_frame(in.mesh.vertices, truth.points);
         !frame.plausible() && !a.force)
-        throw Error(ExitCode::input,
-                    str("E_DTU_FRAME: ", a.pred, " is not in the frame of scan ", a.scan, ": ",
-                        frame.text(),
-                        "; was scale_mat applied twice or not at all? Try --cameras FILE "
-                        "--mesh-units normalised, or --force to measure anyway"));
+        throw input_error("E_DTU_FRAME: ", a.pred, " is not in the frame of scan ", a.scan, ": ",
+                          frame.text(),
+                          "; was scale_mat applied twice or not at all? Try --cameras FILE "
+                          "--mesh-units normalised, or --force to measure anyway");
     const bool culling = !a.cull.masks.empty() && a.cull.views != "none";
     const std::size_t culled = culling ? cull_dtu(in.mesh, *cameras, a.cull) : 0;
 
@@ -107,8 +106,8 @@ int dtu(const DtuArguments& a) {
     json.add("points", counts_json(in, culled, m)).add("protocol", protocol).add("inputs", inputs);
     put_report(json, a.out);
     if (!m.undefined.empty())
-        throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
-                                         "; nothing can be measured"));
+        throw input_error("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
+                          "; nothing can be measured");
     if (!a.clouds.empty()) {
         constexpr double kFull = 10;  // mm, as in the official pictures
         const ErrorPalette palette = find_palette(a.palette, ErrorPalette::dtu);
@@ -120,61 +119,52 @@ int dtu(const DtuArguments& a) {
 
 }  // namespace
 
-EvalCommand add_eval_dtu(CLI::App& app) {
-    const auto arguments = std::make_shared<DtuArguments>();
-    DtuArguments& a = *arguments;
+Subcommand add_eval_dtu(CLI::App& app) {
+    const auto a = std::make_shared<DtuArguments>();
     CLI::App* command = app.add_subcommand("dtu", "measure as the DTU benchmark does, in mm");
-    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
-    command->add_option("--scan", a.scan, "number of the scan")
+    command->add_option("--pred", a->pred, "mesh, cloud or splats (PLY)")->required();
+    command->add_option("--scan", a->scan, "number of the scan")
         ->required()
         ->check(CLI::Range(1, 9999));
-    command->add_option("--dtu", a.dtu, "folder with Points/ and ObsMask/")->required();
-    command->add_option("--cameras", a.cameras, "cameras.npz with scale_mat_0 [beside the masks]");
-    command
-        ->add_option("--mesh-units", a.units,
-                     "units of the prediction: auto, mm or normalised [auto]")
-        ->check(CLI::IsMember({"auto", "mm", "normalised"}));
-    command->add_option("--mode", a.mode, "what the file is: auto, mesh or points [auto]")
-        ->check(CLI::IsMember({"auto", "mesh", "points"}));
-    command->add_option("--cull-masks", a.cull.masks,
+    command->add_option("--dtu", a->dtu, "folder with Points/ and ObsMask/")->required();
+    command->add_option("--cameras", a->cameras, "cameras.npz with scale_mat_0 [beside the masks]");
+    add_choice(*command, "--mesh-units", a->units, {"auto", "mm", "normalised"},
+               "units of the prediction: auto, mm or normalised [auto]");
+    add_choice(*command, "--mode", a->mode, {"auto", "mesh", "points"},
+               "what the file is: auto, mesh or points [auto]");
+    command->add_option("--cull-masks", a->cull.masks,
                         "folder of the object masks that cull the prediction [no culling]");
-    command->add_option("--cull", a.cull.views,
+    command->add_option("--cull", a->cull.views,
                         "views whose masks cull: all, first:N, none or I,J,K [all]");
-    command->add_option("--cull-dilate", a.cull.dilate_px, "pixels by which the masks grow [24]")
-        ->check(CLI::Range(0, 200));
-    command->add_option("--min-opacity", a.min_opacity, "skip splats below this opacity [0: none]")
-        ->check(in_range(0.0, 1.0));
-    command->add_option("--seed", a.seed, "seed of the order of thinning [0]");
-    command->add_option("--order", a.order, "order of thinning: seeded or given [seeded]")
-        ->check(CLI::IsMember({"seeded", "given"}));
+    add_number(*command, "--cull-dilate", a->cull.dilate_px, 0, 200,
+               "pixels by which the masks grow [24]");
+    add_number(*command, "--min-opacity", a->min_opacity, 0.0, 1.0,
+               "skip splats below this opacity [0: none]");
+    command->add_option("--seed", a->seed, "seed of the order of thinning [0]");
+    add_choice(*command, "--order", a->order, {"seeded", "given"},
+               "order of thinning: seeded or given [seeded]");
     command
-        ->add_option("--spacing", a.options.spacing,
+        ->add_option("--spacing", a->options.spacing,
                      "distance of samples, also after thinning, mm [0.2]")
         ->check(kPositive);
     command
-        ->add_option("--max-distance", a.options.max_distance,
+        ->add_option("--max-distance", a->options.max_distance,
                      "larger distances are outliers, mm [20]")
         ->check(kPositive);
-    command
-        ->add_option("--max-samples", a.options.max_samples, "most samples of the mesh [100000000]")
-        ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}));
-    command->add_option("--clouds", a.clouds, "folder for clouds coloured by error [none]");
-    command
-        ->add_option("--palette", a.palette,
-                     "colours of the clouds: dtu, tnt or safe (colour-blind) [dtu]")
-        ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
-    command->add_flag("--force", a.force, "measure even where the frames seem to differ");
-    add_output_flag(*command, "--out", a.out, "JSON file for the scores, too");
-    add_require(*command, a.require, "chamfer<=1.5");
-    return {command, [arguments, command] {
-                const DtuArguments& given = *arguments;
-                const bool masks = !given.cull.masks.empty();
-                require_owner(*command, "--cull", masks || given.cull.views == "none",
+    command->add_option("--clouds", a->clouds, "folder for clouds coloured by error [none]");
+    add_choice(*command, "--palette", a->palette, {"dtu", "tnt", "safe"},
+               "colours of the clouds: dtu, tnt or safe (colour-blind) [dtu]");
+    command->add_flag("--force", a->force, "measure even where the frames seem to differ");
+    add_output_flag(*command, "--out", a->out, "JSON file for the scores, too");
+    add_require(*command, a->require, "chamfer<=1.5");
+    return {command, [a, command] {
+                const bool masks = !a->cull.masks.empty();
+                require_owner(*command, "--cull", masks || a->cull.views == "none",
                               "--cull-masks DIR");
                 require_owner(*command, "--cull-dilate", masks, "--cull-masks DIR");
-                require_owner(*command, "--seed", given.order == "seeded", "--order seeded");
-                require_owner(*command, "--palette", !given.clouds.empty(), "--clouds DIR");
-                return dtu(given);
+                require_owner(*command, "--seed", a->order == "seeded", "--order seeded");
+                require_owner(*command, "--palette", !a->clouds.empty(), "--clouds DIR");
+                return dtu(*a);
             }};
 }
 

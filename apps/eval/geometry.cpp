@@ -2,7 +2,6 @@
 #include <memory>
 #include <optional>
 
-#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/parse_numbers.h"
 #include "core/scene/scene.h"
@@ -80,34 +79,30 @@ int geometry(const GeometryArguments& arguments) {
 
 }  // namespace
 
-EvalCommand add_eval_geometry(CLI::App& app) {
-    const auto arguments = std::make_shared<GeometryArguments>();
-    GeometryArguments& a = *arguments;
+Subcommand add_eval_geometry(CLI::App& app) {
+    const auto a = std::make_shared<GeometryArguments>();
     CLI::App* command = app.add_subcommand(
         "geometry", "measure a surface or points against the truth, in its units");
-    command->add_option("--pred", a.pred, "mesh (PLY, GLB, OBJ), cloud or splats (PLY)")
+    command->add_option("--pred", a->pred, "mesh (PLY, GLB, OBJ), cloud or splats (PLY)")
         ->required();
-    command->add_option("--gt", a.gt, "true surface: mesh (PLY, GLB, OBJ) or cloud (PLY)")
+    command->add_option("--gt", a->gt, "true surface: mesh (PLY, GLB, OBJ) or cloud (PLY)")
         ->required();
-    command->add_option("--visible-gt", a.visible_gt,
+    command->add_option("--visible-gt", a->visible_gt,
                         "part of the truth that the views see, for completeness and recall");
-    command->add_option("--tau", a.taus,
+    command->add_option("--tau", a->taus,
                         "thresholds T,T,... of precision, recall and F1, in the truth's units");
     command
-        ->add_option("--max-distance", a.max_distance,
+        ->add_option("--max-distance", a->max_distance,
                      "cap of distances, in the truth's units [none]")
         ->check(kPositive);
-    command->add_option("--crop", a.crop,
+    command->add_option("--crop", a->crop,
                         "selection volume, {\"box\": ...} or gt/info.json of a scene [none]");
-    command
-        ->add_option(
-            "--point-samples", a.point_samples,
-            "N points on each mesh instead of its surface; biased, for older figures [surface]")
-        ->check(CLI::Range(1, 100000000));
-    command->add_option("--seed", a.seed, "seed of the samples [0]");
-    add_output_flag(*command, "--out", a.out, "JSON file for the scores, too");
-    add_require(*command, a.require, "chamfer<=2 or f1@1>=0.4");
-    return {command, [arguments] { return geometry(*arguments); }};
+    add_number(*command, "--point-samples", a->point_samples, 1, 100000000,
+               "N points on each mesh instead of its surface; biased, for older figures [surface]");
+    command->add_option("--seed", a->seed, "seed of the samples [0]");
+    add_output_flag(*command, "--out", a->out, "JSON file for the scores, too");
+    add_require(*command, a->require, "chamfer<=2 or f1@1>=0.4");
+    return {command, [a] { return geometry(*a); }};
 }
 
 }  // namespace tvsgs

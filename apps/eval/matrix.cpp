@@ -1,5 +1,4 @@
-#include "apps/eval/matrix.h"
-
+// Runs the experiments of a table: scenes x configurations x seeds, trained, meshed and measured.
 #include <spawn.h>
 #include <sys/wait.h>
 
@@ -11,8 +10,7 @@
 #include <filesystem>
 #include <map>
 
-#include "apps/common/command_line.h"
-#include "io/files/json_value.h"
+#include "apps/eval/subcommands.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
 
@@ -39,13 +37,6 @@ std::string folder_text(const fs::path& folder) {
     return (whole.has_filename() ? whole : whole.parent_path()).string();
 }
 
-/// Like joined(), quoted for a shell.
-std::string shell_line(const Words& words) {
-    std::string line;
-    for (const std::string& word : words) line += " " + for_shell(word);
-    return line;
-}
-
 void append(Words& words, const Words& more) {
     words.insert(words.end(), more.begin(), more.end());
 }
@@ -67,11 +58,10 @@ int run_tool(const std::string& name, const Words& words) {
 }
 
 [[noreturn]] void refuse(const std::string& file, const std::string& what) {
-    throw Error(ExitCode::input,
-                str(file, ": ", what,
-                    "; expected {\"out\": DIR, \"seeds\": [0], \"scenes\": {NAME: {\"train\": "
-                    "[FLAG, ...], \"mesh\": [...], \"eval\": [...]}}, \"configurations\": {NAME: "
-                    "[FLAG, ...]}} (docs/guide/evaluation.md)"));
+    throw input_error(file, ": ", what,
+                      "; expected {\"out\": DIR, \"seeds\": [0], \"scenes\": {NAME: {\"train\": "
+                      "[FLAG, ...], \"mesh\": [...], \"eval\": [...]}}, \"configurations\": {NAME: "
+                      "[FLAG, ...]}} (docs/guide/evaluation.md)");
 }
 
 std::string filled_in(const std::string& file, const std::string& text, const Names& names) {
@@ -83,8 +73,7 @@ std::string filled_in(const std::string& file, const std::string& text, const Na
             close == std::string::npos ? "" : text.substr(open + 2, close - open - 2);
         const auto found = names.find(name);
         if (found == names.end() && name == "data")
-            throw Error(ExitCode::usage,
-                        str(file, ": '", text, "' needs the folder of the data; give --data DIR"));
+            throw usage_error(file, ": '", text, "' needs the folder of the data; give --data DIR");
         if (found == names.end()) {
             std::string known;
             for (const auto& [other, value] : names) known += " " + other;
@@ -184,10 +173,7 @@ std::vector<std::uint64_t> seeds_of(const std::string& file, const JsonValue& li
 }
 
 /// Whether a run is trained, meshed and measured.
-bool complete(const std::string& run,
-              const Words& train,
-              const MatrixScene& scene,
-              const MatrixOptions& options) {
+bool complete(const std::string& run, const Words& train, const MatrixScene& scene) {
     const std::string report = run + "/report.json";
     bool done = false;
     if (fs::is_regular_file(report)) {
@@ -195,13 +181,12 @@ bool complete(const std::string& run,
         done = json["summary"]["event"].text == "done";
         const std::string& line = json["run"]["command_line"].text;
         if (done && line.find(joined(train)) == std::string::npos)
-            throw Error(
-                ExitCode::usage,
-                str(run, ": trained with other flags:\n  ", line, "\nexpected\n  tvsgs-train",
-                    joined(train), "\nGive the matrix another \"out\", or remove the run"));
+            throw usage_error(run, ": trained with other flags:\n  ", line,
+                              "\nexpected\n  tvsgs-train", joined(train),
+                              "\nGive the matrix another \"out\", or remove the run");
     }
     const auto step = [&](const char* tool, Words words) {
-        if (options.quiet) words.push_back("--quiet");
+        if (is_quiet()) words.push_back("--quiet");
         const int code = run_tool(tool, words);
         if (code == 130 || code == 143)
             throw Error(static_cast<ExitCode>(code), str(tool, ": stopped by a signal"));
@@ -252,8 +237,7 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
                          [&](const MatrixScene& scene) { return scene.name == wanted; })) {
             std::string known;
             for (const MatrixScene& scene : scenes) known += " " + scene.name;
-            throw Error(ExitCode::usage,
-                        str("--scenes ", wanted, ": not in ", file, "; it has", known));
+            throw usage_error("--scenes ", wanted, ": not in ", file, "; it has", known);
         }
 
     std::vector<std::string> runs;
@@ -270,12 +254,12 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
                 if (options.dry_run) {
                     Words mesh{"--model", run}, eval{"run", "--model", run};
                     append(mesh, scene.mesh), append(eval, scene.eval);
-                    std::printf("tvsgs-train%s\ntvsgs-extract-mesh%s\ntvsgs-eval%s\n",
+                    std::printf("tvsgs-train %s\ntvsgs-extract-mesh %s\ntvsgs-eval %s\n",
                                 shell_line(train).c_str(), shell_line(mesh).c_str(),
                                 shell_line(eval).c_str());
                     continue;
                 }
-                if (complete(run, train, scene, options)) runs.push_back(name + "=" + run);
+                if (complete(run, train, scene)) runs.push_back(name + "=" + run);
             }
         }
     return runs;

@@ -1,7 +1,6 @@
 // tvsgs-eval nvs: measures how well a run renders its test views.
 #include <memory>
 
-#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
@@ -61,14 +60,13 @@ int nvs(const NvsArguments& arguments) {
     LpipsWeights weights;
     if (!arguments.weights.empty())
         weights = read_lpips_weights(arguments.weights), scoring.lpips = &weights;
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
+    Configuration configuration;
+    auto& [options, table] = configuration;
     table.read_file(run_config_path(arguments.model));
     if (!arguments.scene.empty()) options.scene.path = arguments.scene;
     // Otherwise the masks replace those of the run's configuration, which may be gone.
     if (!arguments.masks.empty() && !arguments.masked && options.scene.masks.empty())
-        throw Error(ExitCode::usage, str("--masks ", arguments.masks, ": needs --masked"));
+        throw usage_error("--masks ", arguments.masks, ": needs --masked");
     if (!arguments.masks.empty()) options.scene.masks = arguments.masks;
     options.scene.need_points = false;
     const DeviceChoice device = choose_device(arguments.device);
@@ -110,32 +108,27 @@ int nvs(const NvsArguments& arguments) {
 
 }  // namespace
 
-EvalCommand add_eval_nvs(CLI::App& app) {
-    const auto arguments = std::make_shared<NvsArguments>();
-    NvsArguments& a = *arguments;
+Subcommand add_eval_nvs(CLI::App& app) {
+    const auto a = std::make_shared<NvsArguments>();
     CLI::App* command =
         app.add_subcommand("nvs", "measure PSNR, SSIM and LPIPS of the test views of a run");
-    command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
-    command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
-    command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    command->add_flag("--masked", a.masked,
+    command->add_option("-m,--model,--model-path", a->model, "run folder")->required();
+    command->add_option("-s,--scene", a->scene, "folder of the scene [that of the run]");
+    command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
+    command->add_flag("--masked", a->masked,
                       "also score the object alone, inside its masks, on white");
-    command->add_option("--masks", a.masks, "folder of the masks [those of the run]");
-    command
-        ->add_option("--quantize", a.quantize,
-                     "rounding of renders to 8 bits: round, trunc or none [round]")
-        ->check(CLI::IsMember({"round", "trunc", "none"}));
-    command->add_option("--lpips-weights", a.weights,
+    command->add_option("--masks", a->masks, "folder of the masks [those of the run]");
+    add_choice(*command, "--quantize", a->quantize, {"round", "trunc", "none"},
+               "rounding of renders to 8 bits: round, trunc or none [round]");
+    command->add_option("--lpips-weights", a->weights,
                         "weights of VGG or AlexNet and of LPIPS (.safetensors, .npz) [no LPIPS]");
-    command
-        ->add_option("--lpips-range", a.range,
-                     "range of colours: 01 as published with 3DGS, -11 as LPIPS defines it [01]")
-        ->check(CLI::IsMember({"01", "-11"}));
-    add_require(*command, a.require, "psnr>=20");
-    return {command, [arguments, command] {
-                require_owner(*command, "--lpips-range", !arguments->weights.empty(),
+    add_choice(*command, "--lpips-range", a->range, {"01", "-11"},
+               "range of colours: 01 as published with 3DGS, -11 as LPIPS defines it [01]");
+    add_require(*command, a->require, "psnr>=20");
+    return {command, [a, command] {
+                require_owner(*command, "--lpips-range", !a->weights.empty(),
                               "--lpips-weights FILE");
-                return nvs(*arguments);
+                return nvs(*a);
             }};
 }
 

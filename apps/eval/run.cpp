@@ -1,8 +1,9 @@
 // tvsgs-eval run: runs every evaluation that applies to a run folder, with the other subcommands.
+#include <cstring>
 #include <filesystem>
+#include <map>
 #include <memory>
 
-#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
@@ -13,11 +14,36 @@ namespace {
 namespace fs = std::filesystem;
 using Words = std::vector<std::string>;
 
+/// A flag that is passed on to other subcommands.
+struct Flag {
+    const char *name, *owner, *help;  // owner: the flag that it needs with its value, or nothing
+};
+constexpr Flag kFlags[] = {
+    {"--device", "", "auto, cpu, cuda or cuda:N"},
+    {"--lpips-weights", "", "weights of LPIPS (.safetensors, .npz) [no LPIPS]"},
+    {"--gt", "", "true surface, mesh or cloud [as in training]"},
+    {"--visible-gt", "--gt FILE", "part of the truth that views see, for completeness and recall"},
+    {"--crop", "--gt FILE", "selection volume of the measurement"},
+    {"--tau", "--gt FILE", "thresholds of precision, recall and F1"},
+    {"--max-distance", "--gt FILE", "cap of distances, in the truth's units [none]"},
+    {"--dtu", "--scan N", "folder of the DTU benchmark, with --scan"},
+    {"--scan", "--dtu DIR", "number of the DTU scan"},
+    {"--cameras", "--dtu DIR", "DTU: cameras.npz with scale_mat_0 [of the scene]"},
+    {"--mesh-units", "--dtu DIR", "DTU: auto, mm or normalised [auto]"},
+    {"--cull-masks", "--dtu DIR", "DTU: folder of the masks that cull the mesh"},
+    {"--cull", "--dtu DIR", "DTU: views whose masks cull: all, first:N, none or I,J,K [all]"},
+    {"--cull-dilate", "--dtu DIR", "DTU: pixels by which the masks grow [24]"},
+    {"--scene-dir", "", "Tanks and Temples: folder with the truth of the scene"},
+    {"--traj", "--scene-dir DIR",
+     "Tanks and Temples: cameras of the prediction [sparse/0 of the scene]"},
+    {"--tnt-tau", "--scene-dir DIR", "Tanks and Temples: threshold [that of the scene]"}};
+
 struct RunArguments {
-    std::string model, scene, device = "auto", gt, visible_gt, crop, tau, max_distance, dtu, scan,
-                              scene_dir, traj, tnt_tau, weights, cameras, units, masks, cull,
-                              dilate;
+    std::string model;
     bool masked = false;
+    std::map<std::string, std::string> values{{"--device", "auto"}};  // by flag; empty: not given
+
+    const std::string& operator[](const std::string& flag) const { return values.at(flag); }
 };
 
 /// Flags with their values; omits empty values.
@@ -28,7 +54,7 @@ Words flags(std::initializer_list<std::pair<const char*, std::string>> pairs) {
     return words;
 }
 
-void call(EvalCommand add(CLI::App&), Words words, const Words& more) {
+void call(Subcommand add(CLI::App&), Words words, const Words& more) {
     words.insert(words.begin(), "tvsgs-eval");
     words.insert(words.end(), more.begin(), more.end());
     std::vector<char*> argv;
@@ -40,65 +66,55 @@ void call(EvalCommand add(CLI::App&), Words words, const Words& more) {
     spdlog::debug("{}", line);
     CLI::App app;
     app.require_subcommand(1);
-    const EvalCommand command = add(app);
+    const Subcommand command = add(app);
     parse_command_line(app, static_cast<int>(argv.size()), argv.data());
     command.run();
 }
 
 /// Arguments of `dtu` for the scene; only the mesh is culled.
 Words dtu_words(const RunArguments& a, const std::string& scene, bool of_mesh) {
-    std::string cameras = a.cameras;
+    std::string cameras = a["--cameras"];
     for (const char* name : {"cameras.npz", "cameras_sphere.npz"})
         if (cameras.empty() && fs::is_regular_file(fs::path(scene) / name))
             cameras = (fs::path(scene) / name).string();
-    Words words = flags({{"--cameras", cameras}, {"--mesh-units", a.units}});
-    if (of_mesh)
-        for (const std::string& word :
-             flags({{"--cull-masks", a.masks}, {"--cull", a.cull}, {"--cull-dilate", a.dilate}}))
-            words.push_back(word);
-    return words;
+    const auto if_mesh = [&](const char* flag) { return of_mesh ? a[flag] : ""; };
+    return flags({{"--dtu", a["--dtu"]},
+                  {"--scan", a["--scan"]},
+                  {"--cameras", cameras},
+                  {"--mesh-units", a["--mesh-units"]},
+                  {"--cull-masks", if_mesh("--cull-masks")},
+                  {"--cull", if_mesh("--cull")},
+                  {"--cull-dilate", if_mesh("--cull-dilate")}});
 }
 
 /// Refuses flags of an evaluation that does not run.
 void check_owners(const RunArguments& a, const std::string& gt) {
-    struct Owned {
-        const char* flag;
-        const std::string& value;
-        bool has_owner;
-        const char* owner;
+    const auto require = [&](const char* flag, bool has_owner, const std::string& owner) {
+        if (!has_owner && !a[flag].empty())
+            throw usage_error(flag, " ", a[flag], ": needs ", owner);
     };
-    const bool masks = !a.masks.empty(), tnt = !a.scene_dir.empty();
-    constexpr const char* kTruth = "--gt FILE, here or in training";
-    for (const auto& [flag, value, has_owner, owner] :
-         {Owned{"--cameras", a.cameras, !a.dtu.empty(), "--dtu DIR"},
-          Owned{"--mesh-units", a.units, !a.dtu.empty(), "--dtu DIR"},
-          Owned{"--cull-masks", a.masks, !a.dtu.empty(), "--dtu DIR"},
-          Owned{"--cull", a.cull, !a.dtu.empty(), "--dtu DIR"},
-          Owned{"--cull-dilate", a.dilate, !a.dtu.empty(), "--dtu DIR"},
-          Owned{"--cull", a.cull, masks || a.cull == "none", "--cull-masks DIR"},
-          Owned{"--cull-dilate", a.dilate, masks, "--cull-masks DIR"},
-          Owned{"--visible-gt", a.visible_gt, !gt.empty(), kTruth},
-          Owned{"--crop", a.crop, !gt.empty(), kTruth}, Owned{"--tau", a.tau, !gt.empty(), kTruth},
-          Owned{"--max-distance", a.max_distance, !gt.empty(), kTruth},
-          Owned{"--traj", a.traj, tnt, "--scene-dir DIR"},
-          Owned{"--tnt-tau", a.tnt_tau, tnt, "--scene-dir DIR"}})
-        if (!has_owner && !value.empty())
-            throw Error(ExitCode::usage, str(flag, " ", value, ": needs ", owner));
+    for (const auto& [name, owner, help] : kFlags) {
+        const std::string flag(owner, std::strcspn(owner, " "));
+        if (flag == "--gt")
+            require(name, !gt.empty(), "--gt FILE, here or in training");
+        else if (!flag.empty())
+            require(name, !a[flag].empty(), owner);
+    }
+    const bool masks = !a["--cull-masks"].empty();
+    require("--cull", masks || a["--cull"] == "none", "--cull-masks DIR");
+    require("--cull-dilate", masks, "--cull-masks DIR");
 }
 
 int run(const RunArguments& a) {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
+    Configuration configuration;
+    auto& [options, table] = configuration;
     table.read_file(run_config_path(a.model));
-    const std::string scene = a.scene.empty() ? options.scene.path : a.scene,
-                      gt = a.gt.empty() ? options.eval.gt : a.gt;
-    const bool own_gt = a.gt.empty();  // with its own crop and thresholds
-    const auto given = [&](const std::string& flag, const std::string& of_run) {
-        return flag.empty() && own_gt ? of_run : flag;
+    const std::string scene = a["--scene"].empty() ? options.scene.path : a["--scene"];
+    const bool own_gt = a["--gt"].empty();  // with its own crop and thresholds
+    const auto given = [&](const char* flag, const std::string& of_run) {
+        return a[flag].empty() && own_gt ? of_run : a[flag];
     };
-    if (a.dtu.empty() != a.scan.empty())
-        throw Error(ExitCode::usage, "--dtu DIR and --scan N: give both");
+    const std::string gt = given("--gt", options.eval.gt);
     check_owners(a, gt);
 
     struct Prediction {
@@ -117,9 +133,9 @@ int run(const RunArguments& a) {
     int done = 0;
     if (fs::is_directory(a.model + "/test")) {
         Words words = flags({{"--model", a.model},
-                             {"--scene", a.scene},
-                             {"--device", a.device},
-                             {"--lpips-weights", a.weights}});
+                             {"--scene", a["--scene"]},
+                             {"--device", a["--device"]},
+                             {"--lpips-weights", a["--lpips-weights"]}});
         if (a.masked) words.push_back("--masked");
         call(add_eval_nvs, {"nvs"}, words), ++done;
     }
@@ -130,28 +146,31 @@ int run(const RunArguments& a) {
         const auto samples = options.eval.point_samples;
         if (!gt.empty()) {
             const float cap = options.eval.max_distance;
-            Words words = flags({{"--gt", gt},
-                                 {"--visible-gt", given(a.visible_gt, options.eval.visible_gt)},
-                                 {"--crop", given(a.crop, options.eval.crop)},
-                                 {"--tau", given(a.tau, options.eval.taus)},
-                                 {"--max-distance", given(a.max_distance, cap > 0 ? str(cap) : "")},
-                                 {"--point-samples", samples > 0 ? str(samples) : ""}});
+            Words words =
+                flags({{"--gt", gt},
+                       {"--visible-gt", given("--visible-gt", options.eval.visible_gt)},
+                       {"--crop", given("--crop", options.eval.crop)},
+                       {"--tau", given("--tau", options.eval.taus)},
+                       {"--max-distance", given("--max-distance", cap > 0 ? str(cap) : "")},
+                       {"--point-samples", samples > 0 ? str(samples) : ""}});
             words.insert(words.begin(), "geometry");
             call(add_eval_geometry, words, out("geometry")), ++done;
         }
-        if (!a.dtu.empty()) {
+        if (!a["--dtu"].empty()) {
             Words words = dtu_words(a, scene, suffix.empty());
-            words.insert(words.begin(), {"dtu", "--dtu", a.dtu, "--scan", a.scan});
+            words.insert(words.begin(), "dtu");
             call(add_eval_dtu, words, out("dtu")), ++done;
         }
-        if (!a.scene_dir.empty()) {
+        if (!a["--scene-dir"].empty()) {
             // The trained frame is that of the scene's model; the centres use the mesh's.
             const std::string model = scene + "/sparse/0";
-            const bool by_mesh = !suffix.empty() && predictions.size() == 2;
-            const std::string traj = a.traj.empty() && fs::is_directory(model) ? model : a.traj;
-            Words words = flags({{"--scene-dir", a.scene_dir},
-                                 {"--traj", by_mesh ? "" : traj},
-                                 {"--tau", a.tnt_tau},
+            const bool by_mesh = !suffix.empty() && predictions.size() == 2,
+                       by_model = a["--traj"].empty() && fs::is_directory(model);
+            Words words = flags({{"--scene-dir", a["--scene-dir"]},
+                                 {"--traj", by_mesh    ? ""
+                                            : by_model ? model
+                                                       : a["--traj"]},
+                                 {"--tau", a["--tnt-tau"]},
                                  {"--results", suffix.empty() ? alignment : ""},
                                  {"--align-file", by_mesh ? alignment + "/alignment.txt" : ""}});
             words.insert(words.begin(), "tnt");
@@ -159,47 +178,25 @@ int run(const RunArguments& a) {
         }
     }
     if (done == 0)
-        throw Error(ExitCode::usage, str(a.model,
-                                         ": nothing to measure: the run has no test views; give "
-                                         "--gt, --dtu or --scene-dir"));
-    call(add_eval_report, {"report", "--run", a.model}, flags({{"--scene", a.scene}}));
+        throw usage_error(
+            a.model,
+            ": nothing to measure: the run has no test views; give --gt, --dtu or --scene-dir");
+    call(add_eval_report, {"report", "--run", a.model}, flags({{"--scene", a["--scene"]}}));
     result_of_run().clear();
     return 0;
 }
 
 }  // namespace
 
-EvalCommand add_eval_run(CLI::App& app) {
-    const auto arguments = std::make_shared<RunArguments>();
-    RunArguments& a = *arguments;
+Subcommand add_eval_run(CLI::App& app) {
+    const auto a = std::make_shared<RunArguments>();
     CLI::App* command = app.add_subcommand("run", "run all evaluations that apply to a run folder");
-    command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
-    command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
-    command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    command->add_flag("--masked", a.masked, "also score the object alone, inside its masks");
-    command->add_option("--lpips-weights", a.weights,
-                        "weights of LPIPS (.safetensors, .npz) [no LPIPS]");
-    command->add_option("--gt", a.gt, "true surface, mesh or cloud [as in training]");
-    command->add_option("--visible-gt", a.visible_gt,
-                        "part of the truth that views see, for completeness and recall");
-    command->add_option("--crop", a.crop, "selection volume of the measurement");
-    command->add_option("--tau", a.tau, "thresholds of precision, recall and F1");
-    command->add_option("--max-distance", a.max_distance,
-                        "cap of distances, in the truth's units [none]");
-    command->add_option("--dtu", a.dtu, "folder of the DTU benchmark, with --scan");
-    command->add_option("--scan", a.scan, "number of the DTU scan");
-    command->add_option("--cameras", a.cameras, "DTU: cameras.npz with scale_mat_0 [of the scene]");
-    command->add_option("--mesh-units", a.units, "DTU: auto, mm or normalised [auto]");
-    command->add_option("--cull-masks", a.masks, "DTU: folder of the masks that cull the mesh");
-    command->add_option("--cull", a.cull,
-                        "DTU: views whose masks cull: all, first:N, none or I,J,K [all]");
-    command->add_option("--cull-dilate", a.dilate, "DTU: pixels by which the masks grow [24]");
-    command->add_option("--scene-dir", a.scene_dir,
-                        "Tanks and Temples: folder with the truth of the scene");
-    command->add_option("--traj", a.traj,
-                        "Tanks and Temples: cameras of the prediction [sparse/0 of the scene]");
-    command->add_option("--tnt-tau", a.tnt_tau, "Tanks and Temples: threshold [that of the scene]");
-    return {command, [arguments] { return run(*arguments); }};
+    command->add_option("-m,--model,--model-path", a->model, "run folder")->required();
+    command->add_flag("--masked", a->masked, "also score the object alone, inside its masks");
+    command->add_option("-s,--scene", a->values["--scene"],
+                        "folder of the scene [that of the run]");
+    for (const auto& [name, owner, help] : kFlags) command->add_option(name, a->values[name], help);
+    return {command, [a] { return run(*a); }};
 }
 
 }  // namespace tvsgs

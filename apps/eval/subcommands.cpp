@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
+
+#include "io/files/atomic_file.h"
 
 namespace tvsgs {
 namespace {
@@ -24,9 +27,8 @@ Bound parse_bound(const std::string& text) {
                 return bound;
         }
     }
-    throw Error(ExitCode::usage,
-                str("--require ", text,
-                    ": expected KEY<=X or KEY>=X, for example chamfer<=2 or f1@1>=0.4"));
+    throw usage_error("--require ", text,
+                      ": expected KEY<=X or KEY>=X, for example chamfer<=2 or f1@1>=0.4");
 }
 
 /// Compares thresholds in keys such as f1@1 as numbers: f1@1.0 is the same key.
@@ -47,8 +49,8 @@ bool same_key(const std::string& a, const std::string& b) {
     std::string known;
     for (const std::string& key : keys)
         known += str(known.empty() ? "" : ", ", key, key.ends_with('@') ? "TAU" : "");
-    throw Error(ExitCode::usage, str("--require ", bound.text, ": no result is called '", bound.key,
-                                     "'; expected one of ", known));
+    throw usage_error("--require ", bound.text, ": no result is called '", bound.key,
+                      "'; expected one of ", known);
 }
 
 }  // namespace
@@ -92,20 +94,27 @@ void require_owner(const CLI::App& command,
                    const std::string& owner) {
     const CLI::Option* option = command.get_option(flag);
     if (has_owner || option->count() == 0) return;
-    throw Error(ExitCode::usage, str(flag, " ", option->results().back(), ": needs ", owner));
-}
-
-void refuse_both(const CLI::App& command, const char* flag, const char* other) {
-    if (command.count(flag) > 0 && command.count(other) > 0)
-        throw Error(ExitCode::usage, str(flag, " and ", other, " exclude each other; give one"));
+    throw usage_error(flag, " ", option->results().back(), ": needs ", owner);
 }
 
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example) {
-    command
-        .add_option("--require", require,
-                    "bound KEY<=X or KEY>=X, such as " + example + "; not met: exit code 8")
-        ->expected(1)
-        ->take_all();
+    add_repeated(command, "--require", require,
+                 "bound KEY<=X or KEY>=X, such as " + example + "; not met: exit code 8");
+}
+
+void put_report(const JsonValue& json, const std::string& out) {
+    JsonValue report = JsonValue().add("version", kVersion);
+    report.members.insert(report.members.end(), json.members.begin(), json.members.end());
+    const std::string text = json_text(report) + "\n";
+    std::fputs(text.c_str(), stdout);
+    if (out.empty()) return;
+    write_text_file(out, text);
+    result_of_run() = out;
+}
+
+std::string& result_of_run() {
+    static std::string path;
+    return path;
 }
 
 }  // namespace tvsgs

@@ -1,26 +1,41 @@
 // The subcommands of tvsgs-eval and their common parts.
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "apps/common/command_line.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 
-/// A subcommand with its flags in `app`, and the function to run if it is chosen.
-struct EvalCommand {
-    CLI::App* command;
-    std::function<int()> run;  // returns the exit code
+Subcommand add_eval_geometry(CLI::App& app);
+Subcommand add_eval_dtu(CLI::App& app);
+Subcommand add_eval_tnt(CLI::App& app);
+Subcommand add_eval_nvs(CLI::App& app);
+Subcommand add_eval_report(CLI::App& app);
+Subcommand add_eval_run(CLI::App& app);
+Subcommand add_eval_table(CLI::App& app);
+
+struct MatrixOptions {
+    std::string file;
+    std::string data;                 // value of "${data}"; empty: none
+    std::vector<std::string> scenes;  // only these; empty: all
+    bool dry_run = false;             // print the commands without running them
 };
-EvalCommand add_eval_geometry(CLI::App& app);
-EvalCommand add_eval_dtu(CLI::App& app);
-EvalCommand add_eval_tnt(CLI::App& app);
-EvalCommand add_eval_nvs(CLI::App& app);
-EvalCommand add_eval_report(CLI::App& app);
-EvalCommand add_eval_run(CLI::App& app);
-EvalCommand add_eval_table(CLI::App& app);
+
+/// Runs the experiments of a matrix file, scenes x configurations x seeds
+/// (docs/guide/evaluation.md), and returns the runs as CONFIGURATION=DIR. Skips finished runs and
+/// resumes interrupted ones; a failed run is reported and left out. Throws Error(ExitCode::input)
+/// for an invalid file, and Error(ExitCode::usage) if a finished run was trained with other flags.
+std::vector<std::string> run_matrix(const MatrixOptions& options);
+
+/// Prints the report, and writes it to `out` unless that is empty.
+void put_report(const JsonValue& json, const std::string& out);
+
+/// The last file that this command has put into a run folder; the run's report is updated at the
+/// end.
+std::string& result_of_run();
 
 /// A result that --require can test, by its name there.
 struct Metric {
@@ -57,9 +72,6 @@ void require_owner(const CLI::App& command,
                    const char* flag,
                    bool has_owner,
                    const std::string& owner);
-
-/// Throws Error(ExitCode::usage) if both flags were given, because one would have no effect.
-void refuse_both(const CLI::App& command, const char* flag, const char* other);
 
 /// Adds --require, which all subcommands have.
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example);

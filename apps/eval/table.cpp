@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 
-#include "apps/eval/matrix.h"
 #include "apps/eval/subcommands.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
@@ -35,8 +34,8 @@ void refuse_repeated(const std::vector<TableRun>& runs) {
         const fs::path whole = fs::weakly_canonical(run.folder + "/", code);
         const auto [first, is_new] = seen.emplace(std::pair(run.configuration, whole), run.folder);
         if (!is_new)
-            throw Error(ExitCode::usage, str("--runs: ", first->second, " and ", run.folder,
-                                             " are the same run; remove one"));
+            throw usage_error("--runs: ", first->second, " and ", run.folder,
+                              " are the same run; remove one");
     }
 }
 
@@ -46,13 +45,13 @@ bool read_run(TableRun& run) {
     const std::string file = (fs::path(folder) / "report.json").string();
     std::error_code code;
     if (!fs::is_regular_file(file, code))
-        throw Error(ExitCode::input, str(file,
-                                         ": not found; expected a run folder. To write the report "
-                                         "of a run:\n    tvsgs-eval report --run ",
-                                         for_shell(folder)));
+        throw input_error(file,
+                          ": not found; expected a run folder. To write the report of a run:\n    "
+                          "tvsgs-eval report --run ",
+                          for_shell(folder));
     run.report = parse_json_value(read_bytes(file), file);
     if (run.report["format"].text != "tvsgs-report")
-        throw Error(ExitCode::input, str(file, ": not a report of tvsgs-train"));
+        throw input_error(file, ": not a report of tvsgs-train");
     if (run.report["summary"]["event"].text != "done") {
         spdlog::warn("{}: skipped, this run has not finished", folder);
         return false;
@@ -71,10 +70,9 @@ int table(std::vector<std::string> folders,
           const MatrixOptions& matrix,
           const std::string& published_file,
           const std::string& out) {
-    if (folders.empty() == matrix.file.empty())
-        throw Error(ExitCode::usage, "give either --runs or --matrix");
+    if (folders.empty() == matrix.file.empty()) throw usage_error("give either --runs or --matrix");
     if (matrix.file.empty() && (matrix.dry_run || !matrix.data.empty() || !matrix.scenes.empty()))
-        throw Error(ExitCode::usage, "--data, --scenes and --dry-run need --matrix");
+        throw usage_error("--data, --scenes and --dry-run need --matrix");
     if (!out.empty()) require_replaceable(fs::path(out).replace_extension(".csv"));
     if (!matrix.file.empty()) folders = run_matrix(matrix);
     if (matrix.dry_run) return 0;
@@ -89,12 +87,11 @@ int table(std::vector<std::string> folders,
     refuse_repeated(asked);
     for (TableRun& run : asked)
         if (read_run(run)) runs.push_back(std::move(run));
-    if (runs.empty()) throw Error(ExitCode::input, "no run has finished; expected at least one");
+    if (runs.empty()) throw input_error("no run has finished; expected at least one");
     name_configurations(runs);
     for (const std::string& sentence : equal_seeds(runs)) spdlog::warn(sentence);
     std::string text = str("# Results of ", runs.size(),
-                           " runs\n\nMeans over seeds \u00b1 their "
-                           "standard deviation, by ",
+                           " runs\n\nMeans over seeds \u00b1 their standard deviation, by ",
                            kVersion, ".\n\n", tables_markdown(runs, published));
     for (const auto& [name, source] : file["sources"].members)
         if (text.find(" (" + name + ")* |") != std::string::npos)
@@ -117,7 +114,7 @@ int table(std::vector<std::string> folders,
 
 }  // namespace
 
-EvalCommand add_eval_table(CLI::App& app) {
+Subcommand add_eval_table(CLI::App& app) {
     struct Arguments {
         std::vector<std::string> runs;
         std::string published, out;
@@ -146,8 +143,7 @@ EvalCommand add_eval_table(CLI::App& app) {
     add_output_flag(
         *command, "-o,--out", arguments->out,
         "FILE.md; FILE.csv and plots are written beside it [standard output, no plots]");
-    return {command, [arguments, command] {
-                arguments->matrix.quiet = command->count("--quiet") > 0;
+    return {command, [arguments] {
                 return table(arguments->runs, arguments->matrix, arguments->published,
                              arguments->out);
             }};

@@ -1,15 +1,14 @@
 // tvsgs-eval tnt: the evaluation of Tanks and Temples. docs/guide/evaluation.md
 #include <cmath>
-#include <cstdio>
 #include <memory>
 
-#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/grouped.h"
 #include "eval/tnt_files.h"
 #include "eval/tnt_protocol.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
+#include "io/files/read_file.h"
 #include "io/scene/crop_file.h"
 #include "io/scene/trajectory.h"
 
@@ -27,12 +26,9 @@ struct TntArguments {
 
 std::string matrix_text(const Affine3d& T) {
     std::string text;
-    for (int r = 0; r < 3; ++r) {
-        char line[160];
-        std::snprintf(line, sizeof line, "%.17g %.17g %.17g %.17g\n", T.A[r][0], T.A[r][1],
-                      T.A[r][2], T.t[r]);
-        text += line;
-    }
+    for (int r = 0; r < 3; ++r)
+        text += fmt::format("{:.17g} {:.17g} {:.17g} {:.17g}\n", T.A[r][0], T.A[r][1], T.A[r][2],
+                            T.t[r]);
     return text + "0 0 0 1\n";
 }
 
@@ -59,9 +55,8 @@ int tnt(const TntArguments& a) {
     const std::vector<Vec3d> truth = read_truth(files.cloud, kTntDistribution);
     const std::vector<Vec3d> truth_cropped = cropped(truth, crop);
     if (truth_cropped.empty())
-        throw Error(ExitCode::input,
-                    str("E_CROP: ", files.crop, ": none of the ", grouped(truth.size()),
-                        " points of the truth is inside; is it the crop volume of this scene?"));
+        throw input_error("E_CROP: ", files.crop, ": none of the ", grouped(truth.size()),
+                          " points of the truth is inside; is it the crop volume of this scene?");
     const Prediction in = read_prediction(a.pred, a.min_opacity);
     std::string used;
     const std::vector<Vec3d> points = choose_tnt_points(in, a.points, a.seed, used);
@@ -112,9 +107,8 @@ int tnt(const TntArguments& a) {
         .add("inputs", inputs);
     put_report(json, a.out);
     if (!m.undefined.empty())
-        throw Error(ExitCode::input,
-                    str("E_TNT_EMPTY: ", m.undefined, "; nothing can be measured: ",
-                        check_frame(transformed(points, alignment.final), truth_cropped).text()));
+        throw input_error("E_TNT_EMPTY: ", m.undefined, "; nothing can be measured: ",
+                          check_frame(transformed(points, alignment.final), truth_cropped).text());
     if (!a.results.empty()) {
         write_curves(a.results, files.scene, m, tau);
         write_text_file(a.results + "/alignment.txt", matrix_text(alignment.final));
@@ -128,51 +122,49 @@ int tnt(const TntArguments& a) {
 
 }  // namespace
 
-EvalCommand add_eval_tnt(CLI::App& app) {
-    const auto arguments = std::make_shared<TntArguments>();
-    TntArguments& a = *arguments;
+Subcommand add_eval_tnt(CLI::App& app) {
+    const auto a = std::make_shared<TntArguments>();
     CLI::App* command =
         app.add_subcommand("tnt", "measure as the Tanks and Temples benchmark does");
-    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
-    command->add_option("--scene-dir", a.scene_dir, "folder with the truth of the scene")
+    command->add_option("--pred", a->pred, "mesh, cloud or splats (PLY)")->required();
+    command->add_option("--scene-dir", a->scene_dir, "folder with the truth of the scene")
         ->required();
-    command->add_option("--scene-name", a.scene_name, "name of the scene [that of its files]");
-    command->add_option("--traj", a.traj,
+    command->add_option("--scene-name", a->scene_name, "name of the scene [that of its files]");
+    command->add_option("--traj", a->traj,
                         "cameras in the prediction's frame: .log or COLMAP model [official log]");
-    command->add_option("--tau", a.tau, "threshold [that of the scene]")->check(kPositive);
-    command->add_option("--points", a.points,
+    command->add_option("--tau", a->tau, "threshold [that of the scene]")->check(kPositive);
+    command->add_option("--points", a->points,
                         "points of a mesh: vertices, vertices+centroids or area:N; auto: "
                         "vertices+centroids [auto]");
-    command->add_flag("--no-icp", a.no_icp, "align by the cameras only");
-    command->add_flag("--icp-intended", a.icp_intended,
-                      "20 iterations of ICP, as the official script intends");
-    command->add_option(
-        "--align-file", a.align_file,
-        "4x4 matrix into the frame of the truth, used without ICP (alignment.txt of a run)");
+    command->add_flag("--no-icp", a->no_icp, "align by the cameras only");
     command
-        ->add_option("--traj-threshold", a.traj_threshold,
+        ->add_flag("--icp-intended", a->icp_intended,
+                   "20 iterations of ICP, as the official script intends")
+        ->excludes("--no-icp");
+    command
+        ->add_option(
+            "--align-file", a->align_file,
+            "4x4 matrix into the frame of the truth, used without ICP (alignment.txt of a run)")
+        ->excludes("--traj")
+        ->excludes("--icp-intended");
+    command
+        ->add_option("--traj-threshold", a->traj_threshold,
                      "largest distance at which camera centres agree [0.2]")
         ->check(kPositive);
-    command->add_option("--min-opacity", a.min_opacity, "skip splats below this opacity [0: none]")
-        ->check(in_range(0.0, 1.0));
-    command->add_option("--seed", a.seed, "seed of the alignment and of area samples [0]");
-    command->add_option("--results", a.results,
+    add_number(*command, "--min-opacity", a->min_opacity, 0.0, 1.0,
+               "skip splats below this opacity [0: none]");
+    command->add_option("--seed", a->seed, "seed of the alignment and of area samples [0]");
+    command->add_option("--results", a->results,
                         "folder for curves, alignment.txt and clouds coloured by error");
-    command
-        ->add_option("--palette", a.palette,
-                     "colours of the clouds: tnt, dtu or safe (colour-blind) [tnt]")
-        ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
-    command->add_flag("--force", a.force, "measure even where the alignment seems wrong");
-    add_output_flag(*command, "--out", a.out, "JSON file for the scores, too");
-    add_require(*command, a.require, "f1>=0.4");
-    return {command, [arguments, command] {
-                const TntArguments& given = *arguments;
-                refuse_both(*command, "--align-file", "--traj");
-                refuse_both(*command, "--align-file", "--icp-intended");
-                refuse_both(*command, "--no-icp", "--icp-intended");
-                require_owner(*command, "--traj-threshold", !given.traj.empty(), "--traj FILE");
-                require_owner(*command, "--palette", !given.results.empty(), "--results DIR");
-                return tnt(given);
+    add_choice(*command, "--palette", a->palette, {"dtu", "tnt", "safe"},
+               "colours of the clouds: tnt, dtu or safe (colour-blind) [tnt]");
+    command->add_flag("--force", a->force, "measure even where the alignment seems wrong");
+    add_output_flag(*command, "--out", a->out, "JSON file for the scores, too");
+    add_require(*command, a->require, "f1>=0.4");
+    return {command, [a, command] {
+                require_owner(*command, "--traj-threshold", !a->traj.empty(), "--traj FILE");
+                require_owner(*command, "--palette", !a->results.empty(), "--results DIR");
+                return tnt(*a);
             }};
 }
 

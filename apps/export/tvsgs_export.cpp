@@ -1,17 +1,22 @@
 // tvsgs-export: writes splats in a format for viewers and measures the loss of the format.
+#include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
-#include "apps/export/report.h"
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
 #include "core/scene/scene.h"
+#include "io/files/json_value.h"
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"
+#include "io/splats/splat_errors.h"
+#include "io/splats/splat_files.h"
 #include "mesh/draw/upright.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
+#include "pipeline/run/splat_selection.h"
 #include "pipeline/scene/sky.h"
 
 namespace tvsgs {
@@ -24,7 +29,6 @@ struct Arguments {
     int spz_version = 3, palette = 0, sh_degree = 3;
     std::int64_t max_splats = 0;
     bool prune_unseen = false, keep_axes = false, no_check = false, json = false;
-    bool quiet = false, verbose = false;
 
     SplatFormat format() const { return *splat_format(output); }
     /// Whether the run's scene is required.
@@ -56,116 +60,86 @@ void check_report(const Arguments& a) {
     for (const std::string& taken : {a.output, origin_file(a.output), input, origin_file(input)}) {
         std::error_code failure;
         if (place(a.report) == place(taken) || fs::equivalent(a.report, taken, failure))
-            throw Error(ExitCode::usage,
-                        str("--out-report ", a.report, ": the splats use this file, ", taken,
-                            "; choose another name"));
+            throw usage_error("--out-report ", a.report, ": the splats use this file, ", taken,
+                              "; choose another name");
     }
 }
 
 /// Reads the run's configuration, if there is one, for the scene; flags override it.
-Arguments parse(int argc, char** argv, RunOptions& options) {
+Arguments parse(int argc, char** argv, Configuration& configuration) {
     Arguments a;
-    OptionTable table;
-    options.add_to(table);
-    std::vector<std::string> configs, settings;
+    auto& [options, table] = configuration;
     CLI::App app{"Writes splats in the formats that viewers take.", "tvsgs-export"};
     app.get_formatter()->column_width(46);
     KeyFlags flags(app, table);
     app.add_option("input", a.input, "run folder or splats (.ply, .spz, .sog, .glb)")->required();
     app.add_option("output", a.output, "file to write (.ply, .spz, .sog, .glb)")->required();
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    app.add_option("-c,--config", configs,
-                   "JSON file that changes keys of the run; later files win")
-        ->expected(1)
-        ->take_all();
-    app.add_option("--set", settings, "KEY=VALUE of the configuration")->expected(1)->take_all();
-    CLI::Option* quiet = app.add_flag("--quiet", a.quiet, "warnings and errors only");
-    app.add_flag("--verbose", a.verbose, "more detail")->excludes(quiet);
+    flags.add_config("JSON file over the run's configuration; later ones win");
+    add_log_flags(app, Verbosity::verbose);
 
-    const char* group = "Which splats";
+    start_group(app, "Which splats");
     app.add_option("--bbox", a.box,
                    "keep only splats whose centre is inside this box, x0,y0,z0,x1,y1,z1 in the "
-                   "axes of the scene (rdf) [all]")
-        ->group(group);
-    app.add_option("--max-splats", a.max_splats,
-                   "keep the N splats that contribute most to the views of the run, or the largest "
-                   "ones without a run [0: all]")
-        ->check(CLI::Range(std::int64_t{0}, std::int64_t{2000000000}))
-        ->group(group);
-    app.add_flag("--prune-unseen", a.prune_unseen, "remove splats that no view of the run shows")
-        ->group(group);
-    app.add_option("--sh-degree", a.sh_degree,
-                   "highest degree of the SH coefficients, 0 to 3; 0: no view-dependent colour [3]")
-        ->check(CLI::Range(0, 3))
-        ->group(group);
+                   "axes of the scene (rdf) [all]");
+    add_number(app, "--max-splats", a.max_splats, 0, 2000000000,
+               "keep the N splats that contribute most to the views of the run, or the largest "
+               "ones without a run [0: all]");
+    app.add_flag("--prune-unseen", a.prune_unseen, "remove splats that no view of the run shows");
+    add_number(app, "--sh-degree", a.sh_degree, 0, 3,
+               "highest degree of the SH coefficients, 0 to 3; 0: no view-dependent colour [3]");
 
-    group = "File";
+    start_group(app, "File");
     const auto frames = CLI::IsMember({"rdf", "rub", "luf"});
     app.add_option("--frame", a.frame,
                    "axes of the file: rdf (right, down, forward), rub (right, up, back) or luf "
                    "(left, up, forward) [ply, sog: rdf; spz: rub; glb: luf]")
-        ->check(frames)
-        ->group(group);
+        ->check(frames);
     app.add_option("--input-frame", a.input_frame, "axes of the input file [as above]")
-        ->check(frames)
-        ->group(group);
+        ->check(frames);
     app.add_flag(
-           "--keep-axes", a.keep_axes,
-           "GLB: keep the orientation of the scene [turned upright by the cameras of the run]")
-        ->group(group);
+        "--keep-axes", a.keep_axes,
+        "GLB: keep the orientation of the scene [turned upright by the cameras of the run]");
     app.add_option("--spz-version", a.spz_version,
                    "version of SPZ: 2 for old readers, 4 for new ones such as PlayCanvas [3]")
-        ->check(CLI::IsMember({2, 3, 4}))
-        ->group(group);
+        ->check(CLI::IsMember({2, 3, 4}));
     app.add_option("--spz-sh-bits", a.sh_bits,
                    "SPZ: bits of SH coefficients of degree 1 and above, 1 to 8 each; 5,4 as other "
-                   "writers: smaller, with visible loss [8,8]")
-        ->group(group);
-    app.add_option("--sh-palette", a.palette,
-                   "SOG: most entries of the SH palette, up to 65536 [by the number of splats]")
-        ->check(CLI::Range(1, 65536))
-        ->group(group);
+                   "writers: smaller, with visible loss [8,8]");
+    add_number(app, "--sh-palette", a.palette, 1, 65536,
+               "SOG: most entries of the SH palette, up to 65536 [by the number of splats]");
 
-    group = "Check";
-    app.add_flag("--no-check", a.no_check, "do not read the file back and compare it")
-        ->group(group);
-    app.add_flag("--json", a.json, "print the result as JSON")->group(group);
-    add_output_flag(app, "--out-report", a.report, "file for the same JSON")->group(group);
+    start_group(app, "Check");
+    app.add_flag("--no-check", a.no_check, "do not read the file back and compare it");
+    app.add_flag("--json", a.json, "print the result as JSON");
+    add_output_flag(app, "--out-report", a.report, "file for the same JSON");
     flags.add_scene("Scene (default: that of the run)");
     parse_command_line(app, argc, argv);
-    init_log(a.quiet ? Verbosity::quiet : a.verbose ? Verbosity::verbose : Verbosity::normal);
     flags.set_keys(table);  // checks the flags before looking for any file
 
     std::error_code failure;
     if (!fs::exists(a.input, failure))
-        throw Error(ExitCode::input,
-                    str(a.input, ": not found; expected a run folder or a file of splats"));
+        throw input_error(a.input, ": not found; expected a run folder or a file of splats");
     if (is_run(a.input) && !a.input_frame.empty())
-        throw Error(ExitCode::usage,
-                    str("--input-frame ", a.input_frame, ": ", a.input,
-                        " is a run folder, whose axes are known; remove the flag"));
+        throw usage_error("--input-frame ", a.input_frame, ": ", a.input,
+                          " is a run folder, whose axes are known; remove the flag");
     if (is_run(a.input)) table.read_file(run_config_path(a.input));
-    for (const std::string& file : configs) table.read_file(file);
-    table.read_environment();
-    flags.set_keys(table);
-    table.set_all(settings);
+    flags.set_all(table);
     if (!is_run(a.input) && splat_format(a.input) == SplatFormat::ply)
         choose_backbone(a.input, options.train.render, table);
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
     if (fs::equivalent(find_splats(a.input), a.output, failure))
-        throw Error(ExitCode::usage,
-                    str(a.output, ": this is the input file; choose another name"));
+        throw usage_error(a.output, ": this is the input file; choose another name");
     require_output(a.output, {".ply", ".spz", ".sog", ".glb"}, options.scene);
     if (fs::is_directory(a.output, failure) || !splat_format(a.output))
-        throw Error(ExitCode::usage, str(a.output, ": is a folder; expected a file name"));
+        throw usage_error(a.output, ": is a folder; expected a file name");
     for (const auto& [flag, format, ending] :
          {std::tuple("--spz-version", SplatFormat::spz, ".spz"),
           {"--spz-sh-bits", SplatFormat::spz, ".spz"},
           {"--sh-palette", SplatFormat::sog, ".sog"}})
         if (app.count(flag) > 0 && a.format() != format)
-            throw Error(ExitCode::usage,
-                        str(flag, ": only for ", ending, ", not for ", a.output, "; remove it"));
+            throw usage_error(flag, ": only for ", ending, ", not for ", a.output, "; remove it");
     check_report(a);
     return a;
 }
@@ -177,8 +151,8 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
     const std::vector<double> bits = parse_numbers("--spz-sh-bits", a.sh_bits);
     const auto good = [](double b) { return b >= 1 && b <= 8 && b == std::floor(b); };
     if (bits.size() != 2 || !good(bits[0]) || !good(bits[1]))
-        throw Error(ExitCode::usage, str("--spz-sh-bits ", a.sh_bits,
-                                         ": expected two numbers from 1 to 8, such as 5,4"));
+        throw usage_error("--spz-sh-bits ", a.sh_bits,
+                          ": expected two numbers from 1 to 8, such as 5,4");
     out.spz_sh_bits_1 = static_cast<int>(bits[0]), out.spz_sh_bits_rest = static_cast<int>(bits[1]);
     out.antialiased =
         make_backbone<Cpu>(options.train.backbone, options.train.render)->traits.fades_thin_splats;
@@ -227,9 +201,137 @@ Input read_input(const Arguments& a, const RunOptions& options, const Scene* sce
     return in;
 }
 
+struct ExportReport {
+    std::string path;
+    SplatFormat format = SplatFormat::ply;
+    SplatFrame frame = SplatFrame::rdf;
+    int splats = 0, sh_degree = 0;
+    std::uintmax_t bytes = 0;
+    SelectionReport left_out;
+    // Results of the check, if there was one:
+    std::optional<SplatErrors> errors;
+    double typical_size = 0;  // result of typical_size()
+    int views = 0;            // number of rendered views
+    std::string view_kind;    // test or training
+    double of_input = 0;      // PSNR of all splats
+    RenderScores scores;      // of the exported splats, before and after
+};
+
+const char* format_name(SplatFormat format) {
+    return format == SplatFormat::ply   ? "ply"
+           : format == SplatFormat::spz ? "spz"
+           : format == SplatFormat::sog ? "sog"
+                                        : "glb";
+}
+
+const char* axes(SplatFrame frame) {
+    return frame == SplatFrame::rdf   ? "x right, y down, z forward"
+           : frame == SplatFrame::rub ? "x right, y up, z back"
+                                      : "x left, y up, z forward";
+}
+
+/// PSNR as text, or "no difference".
+std::string decibels(double psnr) {
+    return std::isfinite(psnr) ? fmt::format("{:.2f} dB", psnr) : "no difference";
+}
+
+/// The median of the splats' second standard deviations, to compare errors of positions with.
+double typical_size(const Gaussians<Cpu>& g) {
+    std::vector<float> middle;
+    for (const Vec3f s : g.log_scales.span())
+        middle.push_back(std::max(std::min(s.x, s.y), std::min(std::max(s.x, s.y), s.z)));
+    const auto at = middle.begin() + static_cast<std::ptrdiff_t>(middle.size() / 2);
+    std::nth_element(middle.begin(), at, middle.end());
+    return std::exp(double{*at});
+}
+
+/// Logs how many splats were left out, and why.
+void log_left_out(const SelectionReport& report, int of, std::size_t views) {
+    const auto say_one = [&](std::int64_t count, const std::string& why) {
+        if (count > 0)
+            spdlog::info("Removed {} of {} splats: {}", grouped(count), grouped(of), why);
+    };
+    say_one(report.outside, "outside --bbox");
+    say_one(report.invisible, "opacity below 1/510, which 8 bits store as 0");
+    say_one(report.unseen, fmt::format("invisible in all {} views", views));
+    say_one(report.beyond_most, views > 0 ? "more than --max-splats, the least visible ones"
+                                          : "more than --max-splats, the smallest ones");
+}
+
+void say(const ExportReport& r) {
+    spdlog::info("Wrote {}: {} splats, SH degree {}, {} bytes ({:.1f} each); axes: {}", r.path,
+                 grouped(r.splats), r.sh_degree, grouped(r.bytes),
+                 static_cast<double>(r.bytes) / r.splats, axes(r.frame));
+    if (!r.errors) return;
+    const SplatErrors& e = *r.errors;
+    spdlog::info(
+        "Largest rounding errors: position {:.3g}, size {:.2g} %, rotation {:.2g} degrees, opacity "
+        "{:.2g}, SH coefficients {:.2g} (degree 0), {:.2g} (1), {:.2g} (2 and 3)",
+        e.mean, 100 * (std::exp(e.log_scale) - 1), e.degrees, e.opacity, e.color, e.sh_1,
+        e.sh_rest);
+    if (e.median_mean > 0.1 * r.typical_size)
+        spdlog::warn(
+            "{}: position error {:.3g}, splats are {:.3g} wide: far splats use up the digits; "
+            "remove them with --bbox, or write a .ply or .glb",
+            r.path, e.median_mean, r.typical_size);
+    if (r.views == 0) return;
+    if (r.of_input != r.scores.before)
+        spdlog::info(
+            "PSNR of {} {} views: {} with all splats, {} with the kept ones, {} after rounding; "
+            "renders before and after rounding: {}",
+            r.views, r.view_kind, decibels(r.of_input), decibels(r.scores.before),
+            decibels(r.scores.after), decibels(r.scores.between));
+    else
+        spdlog::info(
+            "PSNR of {} {} views: {} before rounding, {} after; renders before and after: {}",
+            r.views, r.view_kind, decibels(r.scores.before), decibels(r.scores.after),
+            decibels(r.scores.between));
+}
+
+/// One line, with its end.
+std::string report_json(const ExportReport& r) {
+    JsonValue out, left_out, errors, views;
+    left_out.add("outside", r.left_out.outside)
+        .add("invisible", r.left_out.invisible)
+        .add("unseen", r.left_out.unseen)
+        .add("beyond_most", r.left_out.beyond_most);
+    out.add("version", kVersion)
+        .add("file", r.path)
+        .add("format", format_name(r.format))
+        .add("frame", frame_name(r.frame))
+        .add("splats", r.splats)
+        .add("sh_degree", r.sh_degree)
+        .add("bytes", r.bytes)
+        .add("left_out", left_out);
+    if (r.errors) {
+        errors.add("position", r.errors->mean)
+            .add("position_median", r.errors->median_mean)
+            .add("log_scale", r.errors->log_scale)
+            .add("rotation_degrees", r.errors->degrees)
+            .add("opacity", r.errors->opacity)
+            .add("sh_0", r.errors->color)
+            .add("sh_1", r.errors->sh_1)
+            .add("sh_rest", r.errors->sh_rest);
+        out.add("errors", errors);
+    }
+    if (r.views > 0) {
+        views.add("kind", r.view_kind)
+            .add("count", r.views)
+            .add("psnr_input", r.of_input)
+            .add("psnr_before", r.scores.before)
+            .add("psnr_after", r.scores.after)
+            .add("psnr_between", r.scores.between);
+        out.add("views", views);
+    }
+    return json_text(out) + "\n";
+}
+
+}  // namespace
+
 int command(int argc, char** argv) {
-    RunOptions options;
-    const Arguments a = parse(argc, argv, options);
+    Configuration configuration;
+    const Arguments a = parse(argc, argv, configuration);
+    RunOptions& options = configuration.options;
     // 1. Read the splats, and the views that have seen them.
     SplatFileOptions how = file_options(a, options);
     const DeviceChoice device = choose_device(a.device);
@@ -238,8 +340,7 @@ int command(int argc, char** argv) {
         scene = with_context("reading its views (not needed with --no-check and --keep-axes)",
                              [&] { return read_scene_of_run(options.scene, a.input); });
     if (a.prune_unseen && !scene)
-        throw Error(ExitCode::usage,
-                    str("--prune-unseen: ", a.input, " is not a run folder; give --scene DIR"));
+        throw usage_error("--prune-unseen: ", a.input, " is not a run folder; give --scene DIR");
     Input in = read_input(a, options, scene ? &*scene : nullptr);
     if (scene && !a.no_check) read_sky(options.train.loss.photometric, a.input);
     how.origin = in.origin, how.projection = in.projection;
@@ -314,9 +415,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 struct Arguments {
     std::string out, maps, device = "auto";
     std::int64_t max_points = 1500000;
-    bool pictures = true, quiet = false, verbose = false, list_keys = false;
+    bool pictures = true, list_keys = false;
 };
 
 Arguments parse(int argc, char** argv, OptionTable& table, StereoOptions& stereo) {
@@ -36,44 +36,26 @@ Arguments parse(int argc, char** argv, OptionTable& table, StereoOptions& stereo
     CLI::App app{"Makes a dense point cloud from calibrated photographs by multi-view stereo.",
                  "tvsgs-init"};
     app.get_formatter()->column_width(46);
-    std::vector<std::string> settings;
     KeyFlags flags(app, table);
     flags.add_scene();
-    const char* group = "Stereo";
-    flags.add_switch("--use-masks", "stereo.use_masks", "make points inside the masks only", group);
-    app.add_option("--seed", stereo.seed, "seed of all random numbers")->group(group);
-    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
-    app.add_option("--set", settings, "any key of --list-keys")
-        ->group(group)
-        ->expected(1)
-        ->take_all();
+    start_group(app, "Stereo");
+    flags.add("--use-masks", "stereo.use_masks");
+    app.add_option("--seed", stereo.seed, "seed of all random numbers");
+    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
+    flags.add_set();
     app.add_flag("--list-keys", arguments.list_keys,
-                 "print all keys with range, default and meaning")
-        ->group(group);
-    group = "Output";
-    app.add_option("-o,--out,--output", arguments.out, "cloud to write (PLY)")->group(group);
+                 "print all keys with range, default and meaning");
+    start_group(app, "Output");
+    app.add_option("-o,--out,--output", arguments.out, "cloud to write (PLY)");
     app.add_option("--maps", arguments.maps,
-                   "folder for depth, normal and confidence maps and their priors.json")
-        ->group(group);
-    app.add_flag("!--no-pictures", arguments.pictures, "do not write PNG pictures of the maps")
-        ->group(group);
-    app.add_option("--max-points", arguments.max_points,
-                   "most points of the cloud, which is thinned to it [1500000]")
-        ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}))
-        ->group(group);
-    app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
-    app.add_flag("--verbose", arguments.verbose, "more detail")->group(group);
+                   "folder for depth, normal and confidence maps and their priors.json");
+    app.add_flag("!--no-pictures", arguments.pictures, "do not write PNG pictures of the maps");
+    add_number(app, "--max-points", arguments.max_points, 1, 2000000000,
+               "most points of the cloud, which is thinned to it [1500000]");
+    add_log_flags(app, Verbosity::verbose);
     parse_command_line(app, argc, argv);
-
-    init_log(arguments.quiet     ? Verbosity::quiet
-             : arguments.verbose ? Verbosity::verbose
-                                 : Verbosity::normal);
-    RunOptions of_other_commands;
-    OptionTable known;
-    of_other_commands.add_to(known);
-    table.read_environment(&known);
-    flags.set_keys(table);
-    table.set_all(settings);
+    Configuration of_other_commands;
+    flags.set_all(table, &of_other_commands.table);
     return arguments;
 }
 
@@ -128,6 +110,8 @@ void write_maps(const std::string& folder,
     write_text_file((fs::path(folder) / "priors.json").string(), kPriors);
 }
 
+}  // namespace
+
 int command(int argc, char** argv) {
     SceneOptions scene_options;
     scene_options.min_train_views = 1;  // stereo reports a single view itself
@@ -141,16 +125,14 @@ int command(int argc, char** argv) {
         std::fputs(table.help().c_str(), stdout);
         return 0;
     }
-    if (scene_options.path.empty())
-        throw Error(ExitCode::usage, "no scene given; give --scene DIR");
+    if (scene_options.path.empty()) throw usage_error("no scene given; give --scene DIR");
     if (!arguments.pictures && arguments.maps.empty())
-        throw Error(ExitCode::usage, "--no-pictures: needs --maps DIR");
+        throw usage_error("--no-pictures: needs --maps DIR");
     if (arguments.out.empty() && arguments.maps.empty())
-        throw Error(ExitCode::usage, "nothing to write; give --out CLOUD.ply, --maps DIR or both");
+        throw usage_error("nothing to write; give --out CLOUD.ply, --maps DIR or both");
     std::error_code failure;
     if (fs::is_directory(arguments.out, failure))
-        throw Error(ExitCode::usage,
-                    str("--out ", arguments.out, ": is a folder; expected a file name"));
+        throw usage_error("--out ", arguments.out, ": is a folder; expected a file name");
     if (!arguments.out.empty()) require_output(arguments.out, {".ply"}, scene_options);
     if (!arguments.maps.empty())
         create_results_folder(arguments.maps,
@@ -184,9 +166,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 struct Arguments {
     std::string model, out, device = "auto";
-    bool no_preview = false, quiet = false, verbose = false;
+    bool no_preview = false;
     bool bounded = false;  // given limits switch off the run's background
 };
 
@@ -37,11 +37,9 @@ bool is_bounded_here(const RunOptions& options, const OptionTable& table, const 
 }
 
 /// Reads the run's configuration, if there is one, for the scene; flags override it.
-Arguments parse(int argc, char** argv, RunOptions& options) {
+Arguments parse(int argc, char** argv, Configuration& configuration) {
     Arguments arguments;
-    OptionTable table;
-    options.add_to(table);
-    std::vector<std::string> configs, settings;
+    auto& [options, table] = configuration;
     CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
     app.get_formatter()->column_width(46);
     KeyFlags flags(app, table);
@@ -51,69 +49,35 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         "-o,--out,--output", arguments.out,
         "mesh to write, .glb, .obj or .ply [RUN/mesh/mesh.glb, or mesh.glb beside the splats]");
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
-    app.add_option("-c,--config", configs, "JSON file over the run's configuration; later ones win")
-        ->expected(1)
-        ->take_all();
-    app.add_option("--set", settings, "KEY=VALUE, such as mesh.max_angle=80")
-        ->expected(1)
-        ->take_all();
-    CLI::Option* quiet = app.add_flag("--quiet", arguments.quiet, "warnings and errors only");
-    app.add_flag("-v,--verbose", arguments.verbose, "show every step")->excludes(quiet);
+    flags.add_config("JSON file over the run's configuration; later ones win");
+    add_log_flags(app, Verbosity::verbose);
     flags.add_scene("Scene (default: that of the run)");
-    const char* group = "Volume";
-    flags.add("--method", "mesh.method",
-              "mesher: tsdf, tetrahedra, or watertight, which closes unseen places too [tsdf]",
-              group);
-    flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
-              group);
-    flags.add("--mesh-resolution", "mesh.resolution",
-              "voxels along depth-max, or across the ball if unbounded [2048, fewer for small "
-              "images]",
-              group);
-    flags.add("--truncation", "mesh.truncation", "world units [mesh.truncation_voxels]", group);
-    flags.add("--depth-max", "mesh.depth_max",
-              "limit of depth [twice the distance of the cameras' focus; none if unbounded]",
-              group);
-    flags.add("--bbox", "mesh.box", "x0,y0,z0,x1,y1,z1: drop the surface outside", group);
-    flags.add("--alpha-min", "mesh.alpha_min", "least coverage of a pixel [0.5]; 0: any", group);
-    flags.add("--max-angle", "mesh.max_angle",
-              "largest angle between ray and normal in degrees [90: any]", group);
-    flags.add_switch("--unbounded", "mesh.unbounded",
-                     "mesh the background, too, with voxels that grow outside of a ball around "
-                     "the cameras' focus; --depth-max and --bbox still apply",
-                     group);
-    flags.add_switch("--carve", "mesh.carve",
-                     "views also clear the space in front of their surface", group);
-    flags.add("--min-weight", "mesh.min_weight", "least number of views that see a voxel [1]",
-              group);
-    flags.add("--clusters", "mesh.clusters", "number of largest components to keep [0: all]",
-              group);
-    flags.add("--error", "mesh.error",
-              "error bound of simplification, in pixels of the nearest view [0.3]; 0: keep all "
-              "triangles",
-              group);
-    flags.add("--faces", "mesh.faces",
-              "number of faces to simplify to, whatever the error [0: no limit]", group);
-    flags.add("--memory", "mesh.memory",
-              "memory limit, such as 8G or 500M; the mesh stays the same [80 % of the free memory]",
-              group);
+    start_group(app, "Volume");
+    flags.add("--method", "mesh.method");
+    flags.add("--voxel-size", "mesh.voxel_size");
+    flags.add("--mesh-resolution", "mesh.resolution");
+    flags.add("--truncation", "mesh.truncation");
+    flags.add("--depth-max", "mesh.depth_max");
+    flags.add("--bbox", "mesh.box");
+    flags.add("--alpha-min", "mesh.alpha_min");
+    flags.add("--max-angle", "mesh.max_angle");
+    flags.add("--unbounded", "mesh.unbounded");
+    flags.add("--carve", "mesh.carve");
+    flags.add("--min-weight", "mesh.min_weight");
+    flags.add("--clusters", "mesh.clusters");
+    flags.add("--error", "mesh.error");
+    flags.add("--faces", "mesh.faces");
+    flags.add("--memory", "mesh.memory");
     app.add_flag("--given-cameras", options.scene.given_cameras,
-                 "use the given poses of a run that refined them")
-        ->group(group);
+                 "use the given poses of a run that refined them");
     bool no_masks = false;
-    app.add_flag("--no-masks", no_masks, "also fuse pixels outside of the masks")->group(group);
-    group = "File";
-    app.add_flag("--no-preview", arguments.no_preview, "write no preview picture")->group(group);
-    flags.add("--texture", "mesh.texture",
-              "texture from the photographs: auto, none or its side in pixels [auto: up to 8192]",
-              group);
-    flags.add("--texture-format", "mesh.texture_format", "jpg, png or webp [jpg]", group);
-    flags.add_switch("--keep-axes", "mesh.keep_axes",
-                     "GLB: keep the scene's axes [the mesh stands upright]", group);
+    app.add_flag("--no-masks", no_masks, "also fuse pixels outside of the masks");
+    start_group(app, "File");
+    app.add_flag("--no-preview", arguments.no_preview, "write no preview picture");
+    flags.add("--texture", "mesh.texture");
+    flags.add("--texture-format", "mesh.texture_format");
+    flags.add("--keep-axes", "mesh.keep_axes");
     parse_command_line(app, argc, argv);
-    init_log(arguments.quiet     ? Verbosity::quiet
-             : arguments.verbose ? Verbosity::verbose
-                                 : Verbosity::normal);
     flags.set_keys(table);  // checks the flags before looking for any file
     make_mesher<Cpu>(options.mesh.method, {});
 
@@ -127,19 +91,15 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         run = run_config_path(arguments.model);
         table.read_file(run);
     }
-    for (const std::string& file : configs) table.read_file(file);
-    table.read_environment();
-    flags.set_keys(table);
-    table.set_all(settings);
+    flags.set_all(table);
     if (run.empty()) choose_backbone(arguments.model, options.train.render, table);
     if (no_masks) options.mesh.masks = false;
     arguments.bounded = !run.empty() && is_bounded_here(options, table, run);
     if (arguments.bounded) options.mesh.unbounded = false;
     if (options.scene.path.empty())
-        throw Error(
-            ExitCode::usage,
-            str(arguments.model,
-                ": is no run folder, so it does not say which scene it shows; give --scene DIR"));
+        throw usage_error(
+            arguments.model,
+            ": is no run folder, so it does not say which scene it shows; give --scene DIR");
     check_mesh_options(options.mesh);
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
@@ -151,17 +111,20 @@ std::string default_output(const std::string& model) {
     return (fs::path(model).parent_path() / "mesh.glb").string();
 }
 
+}  // namespace
+
 int command(int argc, char** argv) {
-    RunOptions options;
-    Arguments arguments = parse(argc, argv, options);
+    Configuration configuration;
+    Arguments arguments = parse(argc, argv, configuration);
+    const RunOptions& options = configuration.options;
     if (arguments.bounded)
         spdlog::info("Background left out because of the given limit; --unbounded keeps it");
     if (arguments.out.empty()) arguments.out = default_output(arguments.model);
     const std::string splat_path = find_splats(arguments.model);
     std::error_code failure;
     if (fs::equivalent(splat_path, arguments.out, failure))
-        throw Error(ExitCode::usage, str("--out ", arguments.out,
-                                         ": is the file of the splats; choose another name"));
+        throw usage_error("--out ", arguments.out,
+                          ": is the file of the splats; choose another name");
     require_mesh_output(arguments.out, options.mesh_output, options.scene);
     const DeviceChoice device = choose_device(arguments.device);
     const std::string projection = projection_of(options.scene.path);
@@ -219,9 +182,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}

@@ -37,10 +37,9 @@ void measure_residuals(const SparseModel& model, Check& check) {
         for (const SparseObservation& seen : image.observations) {
             const auto point = points.find(seen.point);
             if (point == points.end()) continue;
-            const Vec3d p = pose * point->second;
-            const Vec2<double> uv = distort(in.distortion, {p.x / p.z, p.y / p.z});
-            const Vec2<double> miss{uv.x * in.fx_px + in.cx_px - seen.place.x,
-                                    uv.y * in.fy_px + in.cy_px - seen.place.y};
+            const auto at = pixel_of(in, pose, point->second);
+            if (!at) continue;
+            const Vec2<double> miss = *at - seen.place;
             own += std::sqrt(dot(miss, miss));
             ++count;
         }
@@ -156,13 +155,11 @@ void log_check(const Check& check) {
         spdlog::warn(
             "The reprojection error is large: did something move, or did the lens zoom? For zooms "
             "give --cameras each");
-    std::string sizes;
-    for (const std::size_t size : check.pieces) sizes += str(sizes.empty() ? "" : ", ", size);
     if (check.pieces.size() > 1)
         spdlog::warn(
             "The photographs form {} separate groups, of {}; only the first is kept: add "
             "photographs between them",
-            check.pieces.size(), sizes);
+            check.pieces.size(), fmt::join(check.pieces, ", "));
     for (const MissingRun& run : check.missing) {
         if (run.piece > 0)
             spdlog::warn(

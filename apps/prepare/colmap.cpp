@@ -1,12 +1,19 @@
 #include "apps/prepare/colmap.h"
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <cctype>
+#include <cstdlib>
+#include <deque>
+#include <fstream>
 #include <iterator>
 #include <sstream>
 
-#include "apps/prepare/run_program.h"
+#include "core/error.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/child_process.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {
 namespace {
@@ -15,7 +22,61 @@ bool is_digit(char c) {
     return std::isdigit(static_cast<unsigned char>(c)) != 0;
 }
 
+/// Runs `command` without display and input. Appends its output to the file `log` and passes each
+/// line to `on_line`, and an empty line every 200 ms or more often. Returns its exit code, or 128 +
+/// the signal that ended it. Throws Stopped if a SignalGuard has noted a signal, after the program
+/// has ended. Throws Error(ExitCode::io) if the log cannot be written or no process can be made.
+int run_program(const std::vector<std::string>& command,
+                const std::string& log,
+                const std::function<void(std::string_view)>& on_line) {
+    LineLog file(log);
+    std::string shown = "\n$";
+    for (const std::string& word : command) shown += " " + word;
+    file.add(shown);
+    ChildProcess child({command, {"QT_QPA_PLATFORM=offscreen", "TERM=dumb"}});  // no colours
+    for (;;) {
+        SignalGuard::check();
+        pollfd wanted{child.output(), POLLIN, 0};
+        // ms: a signal may arrive between check and poll; without output the program is ending.
+        poll(&wanted, 1, child.output() < 0 ? 5 : 200);
+        const std::optional<int> code = child.exit_code();
+        child.read_lines([&](std::string_view line) {
+            file.add(line);
+            on_line(line);
+        });
+        on_line({});
+        if (!code) continue;
+        SignalGuard::check();  // the program may have received the same signal
+        return *code;
+    }
+}
+
+/// The last lines of a file, for messages.
+std::string last_lines(const std::string& file, int count) {
+    std::ifstream in(file);
+    std::deque<std::string> lines;
+    for (std::string line; std::getline(in, line);) {
+        if (line.find_first_not_of(" \t=") == std::string::npos) continue;
+        lines.push_back(line);
+        if (lines.size() > static_cast<std::size_t>(count)) lines.pop_front();
+    }
+    std::string out;
+    for (const std::string& line : lines) out += "\n  " + line;
+    return out;
+}
+
 }  // namespace
+
+std::string find_colmap() {
+    const char* const path = std::getenv("PATH");
+    std::istringstream folders(path ? path : "/usr/bin:/bin");
+    for (std::string folder; std::getline(folders, folder, ':');) {
+        const std::string file = (folder.empty() ? "." : folder) + "/colmap";
+        if (access(file.c_str(), X_OK) == 0) return file;
+    }
+    throw Error(ExitCode::usage,
+                "COLMAP not found; install it (apt-get install colmap) or put it on the PATH");
+}
 
 Colmap::Colmap(std::string program, const std::filesystem::path& work, std::string log)
     : program_(std::move(program)), log_(std::move(log)), help_log_((work / "help.log").string()) {

@@ -13,6 +13,9 @@
 
 namespace tvsgs::prepare {
 
+/// Path of the COLMAP program. Throws Error(ExitCode::usage) that names the package.
+std::string find_colmap();
+
 /// Names without "--", as in COLMAP 4, and values.
 using ColmapOptions = std::vector<std::pair<std::string, std::string>>;
 

@@ -5,7 +5,6 @@
 #include <limits>
 #include <map>
 
-#include "apps/prepare/rays.h"
 #include "core/log.h"
 #include "core/math/quantile.h"
 #include "io/files/read_file.h"

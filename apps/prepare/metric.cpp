@@ -5,7 +5,6 @@
 #include <map>
 #include <optional>
 
-#include "apps/prepare/rays.h"
 #include "core/log.h"
 #include "io/files/read_file.h"
 

@@ -2,7 +2,6 @@
 // [docs/guide/photographs.md#markers]
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "apps/prepare/opencv.h"

@@ -2,7 +2,6 @@
 #include "apps/prepare/opencv.h"
 
 #include <algorithm>
-#include <iterator>
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
@@ -37,29 +36,15 @@ cv::Mat read_as_stored(const std::string& file) {
     });
 }
 
-const std::pair<const char*, cv::aruco::PREDEFINED_DICTIONARY_NAME> kDictionaries[] = {
-    {"DICT_4X4_50", cv::aruco::DICT_4X4_50},
-    {"DICT_4X4_100", cv::aruco::DICT_4X4_100},
-    {"DICT_4X4_250", cv::aruco::DICT_4X4_250},
-    {"DICT_4X4_1000", cv::aruco::DICT_4X4_1000},
-    {"DICT_5X5_50", cv::aruco::DICT_5X5_50},
-    {"DICT_5X5_100", cv::aruco::DICT_5X5_100},
-    {"DICT_5X5_250", cv::aruco::DICT_5X5_250},
-    {"DICT_5X5_1000", cv::aruco::DICT_5X5_1000},
-    {"DICT_6X6_50", cv::aruco::DICT_6X6_50},
-    {"DICT_6X6_100", cv::aruco::DICT_6X6_100},
-    {"DICT_6X6_250", cv::aruco::DICT_6X6_250},
-    {"DICT_6X6_1000", cv::aruco::DICT_6X6_1000},
-    {"DICT_7X7_50", cv::aruco::DICT_7X7_50},
-    {"DICT_7X7_100", cv::aruco::DICT_7X7_100},
-    {"DICT_7X7_250", cv::aruco::DICT_7X7_250},
-    {"DICT_7X7_1000", cv::aruco::DICT_7X7_1000},
-    {"DICT_ARUCO_ORIGINAL", cv::aruco::DICT_ARUCO_ORIGINAL},
-    {"DICT_APRILTAG_16h5", cv::aruco::DICT_APRILTAG_16h5},
-    {"DICT_APRILTAG_25h9", cv::aruco::DICT_APRILTAG_25h9},
-    {"DICT_APRILTAG_36h10", cv::aruco::DICT_APRILTAG_36h10},
-    {"DICT_APRILTAG_36h11", cv::aruco::DICT_APRILTAG_36h11},
-};
+/// In the order of cv::aruco::PREDEFINED_DICTIONARY_NAME.
+const std::vector<std::string> kDictionaries{
+    "DICT_4X4_50",         "DICT_4X4_100",       "DICT_4X4_250",       "DICT_4X4_1000",
+    "DICT_5X5_50",         "DICT_5X5_100",       "DICT_5X5_250",       "DICT_5X5_1000",
+    "DICT_6X6_50",         "DICT_6X6_100",       "DICT_6X6_250",       "DICT_6X6_1000",
+    "DICT_7X7_50",         "DICT_7X7_100",       "DICT_7X7_250",       "DICT_7X7_1000",
+    "DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_16h5", "DICT_APRILTAG_25h9", "DICT_APRILTAG_36h10",
+    "DICT_APRILTAG_36h11"};
+static_assert(cv::aruco::DICT_4X4_50 == 0 && cv::aruco::DICT_APRILTAG_36h11 == 20);
 
 /// The numbers of a matrix of any shape and type.
 std::vector<double> numbers_of(const cv::FileNode& node) {
@@ -105,10 +90,9 @@ Calibration read_calibration(const std::string& file) {
         const cv::FileNode width = first({"image_width", "imageWidth"}),
                            height = first({"image_height", "imageHeight"});
         if (K.size() != 9 || d.empty() || width.empty() || height.empty())
-            throw input_error(
-                file,
-                ": expected camera_matrix (3x3), distortion_coefficients, image_width "
-                "and image_height, from a calibration by OpenCV");
+            throw input_error(file,
+                              ": expected camera_matrix (3x3), distortion_coefficients, "
+                              "image_width and image_height, from a calibration by OpenCV");
         Calibration out;
         out.width = static_cast<int>(width), out.height = static_cast<int>(height);
         // OpenCV counts from the centre of the first pixel, COLMAP from its corner.
@@ -127,15 +111,12 @@ Calibration read_calibration(const std::string& file) {
 }
 
 std::vector<std::string> marker_dictionaries() {
-    std::vector<std::string> names;
-    for (const auto& [name, dictionary] : kDictionaries) names.push_back(name);
-    return names;
+    return kDictionaries;
 }
 
 std::vector<Marker> find_markers(const std::string& photo, const std::string& dictionary) {
-    const auto known = std::ranges::find(
-        kDictionaries, dictionary, [](const auto& entry) { return std::string(entry.first); });
-    if (known == std::end(kDictionaries))
+    const auto known = std::ranges::find(kDictionaries, dictionary);
+    if (known == kDictionaries.end())
         throw Error(ExitCode::usage, "--marker-dictionary " + dictionary + ": unknown; see --help");
     // Uses our reader, so that the pixels are those of training and COLMAP.
     ImageU8 image = read_image(photo, 1);
@@ -145,8 +126,10 @@ std::vector<Marker> find_markers(const std::string& photo, const std::string& di
         parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
         std::vector<std::vector<cv::Point2f>> corners;
         std::vector<int> ids;
-        cv::aruco::detectMarkers(grey, cv::aruco::getPredefinedDictionary(known->second), corners,
-                                 ids, parameters);
+        cv::aruco::detectMarkers(
+            grey,
+            cv::aruco::getPredefinedDictionary(static_cast<int>(known - kDictionaries.begin())),
+            corners, ids, parameters);
         std::vector<Marker> markers(ids.size());
         for (std::size_t i = 0; i < ids.size(); ++i) {
             markers[i].id = ids[i];

@@ -1,15 +1,13 @@
 // Selects sharp frames of a video at regular steps of motion.
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <iomanip>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <opencv2/videoio.hpp>
-#include <sstream>
 
 #include "apps/prepare/opencv.h"
+#include "core/log.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/signals.h"
 
@@ -95,11 +93,9 @@ int extract_frames(const std::string& video, const std::string& folder, int most
         throw input_error(video, ": OpenCV cannot read it as a video; convert it to MP4");
     std::vector<std::string> files;
     const auto keep = [&](const cv::Mat& frame) {
-        std::ostringstream name;
-        name << folder << "/frame_" << std::setw(5) << std::setfill('0') << files.size() << ".jpg";
-        if (!cv::imwrite(name.str(), frame, {cv::IMWRITE_JPEG_QUALITY, 97}))
-            throw Error(ExitCode::io, name.str() + ": cannot write it");
-        files.push_back(name.str());
+        files.push_back(fmt::format("{}/frame_{:05}.jpg", folder, files.size()));
+        if (!cv::imwrite(files.back(), frame, {cv::IMWRITE_JPEG_QUALITY, 97}))
+            throw Error(ExitCode::io, files.back() + ": cannot write it");
     };
     Motion motion;
     cv::Mat frame, best;

@@ -195,10 +195,9 @@ void require_places(const std::vector<Photograph>& photographs, const std::strin
     std::size_t count = 0;
     for (const Photograph& photo : photographs) count += photo.place.has_value();
     if (count < 3)
-        throw input_error("--gps: ", count, " of the ", photographs.size(), " photographs in ",
-                          folder,
-                          " have a place in EXIF (latitude, longitude and altitude); expected at "
-                          "least 3");
+        throw input_error(
+            "--gps: ", count, " of the ", photographs.size(), " photographs in ", folder,
+            " have a place in EXIF (latitude, longitude and altitude); expected at least 3");
 }
 
 GeoFrame place_by_exif(const SparseModel& model, const std::vector<Photograph>& photographs) {

@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "apps/prepare/colmap.h"
-#include "apps/prepare/run_program.h"
 #include "core/device/threads.h"
 #include "core/grouped.h"
 #include "core/log.h"
@@ -86,12 +85,9 @@ void extract_features(Colmap& colmap,
                             {"FeatureExtraction.use_gpu", "0"},
                             {"FeatureExtraction.max_image_size", str(options.feature_size)}};
         add_threads(of, "FeatureExtraction", options);
-        if (options.calibration) {
-            std::string params;
-            for (const double p : options.calibration->params)
-                params += fmt::format("{}{:.17g}", params.empty() ? "" : ",", p);
-            of.emplace_back("ImageReader.camera_params", params);
-        }
+        if (options.calibration)
+            of.emplace_back("ImageReader.camera_params",
+                            fmt::format("{:.17g}", fmt::join(options.calibration->params, ",")));
         std::string name;
         colmap.require(colmap.command("feature_extractor", of), [&](std::string_view text) {
             if (text.starts_with("Name:")) name = trimmed(text.substr(5));
@@ -289,14 +285,6 @@ Error no_model(const Reconstruction& found,
 }
 
 }  // namespace
-
-std::string find_colmap() {
-    const std::string file = find_program("colmap");
-    if (file.empty())
-        throw Error(ExitCode::usage,
-                    "COLMAP not found; install it (apt-get install colmap) or put it on the PATH");
-    return file;
-}
 
 Reconstruction reconstruct(const std::string& program,
                            const fs::path& work,

@@ -32,9 +32,6 @@ struct Reconstruction {
     std::string colmap;                   // its version
 };
 
-/// Path of the COLMAP program. Throws Error(ExitCode::usage) that names the package.
-std::string find_colmap();
-
 /// Works in `work` on the photographs in `images`, and appends COLMAP's output to `log`. Throws
 /// Error(ExitCode::input) if no two photographs are connected, and if COLMAP fails, and
 /// Error(ExitCode::usage) if it lacks an option.

@@ -11,34 +11,34 @@
 namespace tvsgs::prepare {
 namespace {
 
+/// Reads a file; Writer has the same functions.
 class Reader {
 public:
     explicit Reader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {}
-    template <class T>
-    T get() {
-        need(sizeof(T));
-        T value;
-        std::memcpy(&value, bytes_.data() + at_, sizeof(T));
-        at_ += sizeof(T);
-        return value;
+    template <class... Numbers>
+    void numbers(Numbers&... numbers) {
+        (read(&numbers, sizeof(Numbers)), ...);
     }
-    /// Reads a number of records of at least `smallest` bytes each.
-    std::size_t get_count(std::size_t smallest) {
-        const auto count = get<std::uint64_t>();
-        if (count > (bytes_.size() - at_) / smallest) cut_off();
-        return static_cast<std::size_t>(count);
-    }
-    std::string get_name() {
+    void text(std::string& text) {
         const std::size_t end = bytes_.find('\0', at_);
         if (end == std::string::npos) cut_off();
-        std::string name = bytes_.substr(at_, end - at_);
+        text = bytes_.substr(at_, end - at_);
         at_ = end + 1;
-        return name;
+    }
+    /// The number of records, of at least `smallest` bytes each.
+    template <class Record>
+    void count(std::vector<Record>& records, std::size_t smallest) {
+        std::uint64_t count = 0;
+        numbers(count);
+        if (count > (bytes_.size() - at_) / smallest) cut_off();
+        records.resize(static_cast<std::size_t>(count));
     }
 
 private:
-    void need(std::size_t count) const {
+    void read(void* to, std::size_t count) {
         if (count > bytes_.size() - at_) cut_off();
+        std::memcpy(to, bytes_.data() + at_, count);
+        at_ += count;
     }
     [[noreturn]] void cut_off() const {
         throw input_error("E_COLMAP_CORRUPT: ", path_, ": byte ", at_,
@@ -50,14 +50,14 @@ private:
 
 class Writer {
 public:
-    template <class T>
-    Writer& put(T value) {
-        bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
-        return *this;
+    template <class... Numbers>
+    void numbers(const Numbers&... numbers) {
+        (bytes_.append(reinterpret_cast<const char*>(&numbers), sizeof numbers), ...);
     }
-    Writer& put_text(const std::string& text) {
-        bytes_.append(text.c_str(), text.size() + 1);
-        return *this;
+    void text(const std::string& text) { bytes_.append(text.c_str(), text.size() + 1); }
+    template <class Record>
+    void count(const std::vector<Record>& records, std::size_t) {
+        numbers(std::uint64_t{records.size()});
     }
     void write(const std::string& path) const { write_text_file(path, bytes_); }
 
@@ -65,26 +65,27 @@ private:
     std::string bytes_;
 };
 
-Vec3d get_vec3(Reader& in) {
-    const auto x = in.get<double>(), y = in.get<double>(), z = in.get<double>();
-    return {x, y, z};
+// The contents of the files, for Reader and Writer.
+
+template <class File, class Image>
+void image_of(File& file, Image& image) {
+    auto& q = image.quat;
+    auto& t = image.translation;
+    file.numbers(image.id, q.w, q.x, q.y, q.z, t.x, t.y, t.z, image.camera_id);
+    file.text(image.name);
+    file.count(image.observations, 24);
+    for (auto& seen : image.observations) file.numbers(seen.place.x, seen.place.y, seen.point);
 }
 
-SparseImage get_image(Reader& in) {
-    SparseImage image;
-    image.id = in.get<std::uint32_t>();
-    image.quat.w = in.get<double>();
-    const Vec3d xyz = get_vec3(in);
-    image.quat.x = xyz.x, image.quat.y = xyz.y, image.quat.z = xyz.z;
-    image.translation = get_vec3(in);
-    image.camera_id = in.get<std::uint32_t>();
-    image.name = in.get_name();
-    image.observations.resize(in.get_count(24));
-    for (SparseObservation& seen : image.observations) {
-        seen.place.x = in.get<double>(), seen.place.y = in.get<double>();
-        seen.point = in.get<std::uint64_t>();
+template <class File, class Points>
+void points_of(File& file, Points& points) {
+    file.count(points, 43);
+    for (auto& point : points) {
+        auto& p = point.position;
+        file.numbers(point.id, p.x, p.y, p.z, point.color, point.error);
+        file.count(point.track, 8);
+        for (auto& [image, observation] : point.track) file.numbers(image, observation);
     }
-    return image;
 }
 
 }  // namespace
@@ -97,67 +98,40 @@ const SparseCamera& SparseModel::camera(std::uint32_t id) const {
 
 SparseModel read_sparse_model(const std::string& folder) {
     SparseModel model;
-    Reader cameras(folder + "/cameras.bin");
-    model.cameras.resize(cameras.get_count(24));
+    Reader cameras(folder + "/cameras.bin"), images(folder + "/images.bin"),
+        points(folder + "/points3D.bin");
+    cameras.count(model.cameras, 24);
     for (SparseCamera& camera : model.cameras) {
-        camera.id = cameras.get<std::uint32_t>();
-        camera.model = cameras.get<std::int32_t>();
-        camera.width = cameras.get<std::uint64_t>(), camera.height = cameras.get<std::uint64_t>();
+        cameras.numbers(camera.id, camera.model, camera.width, camera.height);
         const CameraModel* const known = find_camera_model(camera.model);
         if (!known) throw_camera_model(folder, camera.id, str("the unknown model ", camera.model));
         camera.params.resize(static_cast<std::size_t>(known->params));
-        for (double& param : camera.params) param = cameras.get<double>();
+        for (double& param : camera.params) cameras.numbers(param);
     }
-    Reader images(folder + "/images.bin");
-    for (std::size_t left = images.get_count(64); left > 0; --left)
-        model.images.push_back(get_image(images));
+    images.count(model.images, 64);
+    for (SparseImage& image : model.images) image_of(images, image);
     std::ranges::sort(model.images, {}, &SparseImage::name);
-    Reader points(folder + "/points3D.bin");
-    model.points.resize(points.get_count(43));
-    for (SparsePoint& point : model.points) {
-        point.id = points.get<std::uint64_t>();
-        point.position = get_vec3(points);
-        for (std::uint8_t& c : point.color) c = points.get<std::uint8_t>();
-        point.error = points.get<double>();
-        point.track.resize(points.get_count(8));
-        for (auto& [image, observation] : point.track) {
-            image = points.get<std::uint32_t>();
-            observation = points.get<std::uint32_t>();
-        }
-    }
+    points_of(points, model.points);
     return model;
 }
 
 std::uint64_t count_images(const std::string& folder) {
     if (!std::filesystem::exists(folder + "/images.bin")) return 0;
-    return Reader(folder + "/images.bin").get<std::uint64_t>();
+    std::uint64_t count = 0;
+    Reader(folder + "/images.bin").numbers(count);
+    return count;
 }
 
 void write_sparse_model(const std::string& folder, const SparseModel& model) {
     Writer cameras, images, points;
-    cameras.put<std::uint64_t>(model.cameras.size());
+    cameras.count(model.cameras, 0);
     for (const SparseCamera& camera : model.cameras) {
-        cameras.put(camera.id).put<std::int32_t>(camera.model);
-        cameras.put(camera.width).put(camera.height);
-        for (const double param : camera.params) cameras.put(param);
+        cameras.numbers(camera.id, camera.model, camera.width, camera.height);
+        for (const double param : camera.params) cameras.numbers(param);
     }
-    images.put<std::uint64_t>(model.images.size());
-    for (const SparseImage& image : model.images) {
-        const Quat<double>& q = image.quat;
-        const Vec3d t = image.translation;
-        images.put(image.id).put(q.w).put(q.x).put(q.y).put(q.z).put(t.x).put(t.y).put(t.z);
-        images.put(image.camera_id).put_text(image.name);
-        images.put<std::uint64_t>(image.observations.size());
-        for (const SparseObservation& seen : image.observations)
-            images.put(seen.place.x).put(seen.place.y).put(seen.point);
-    }
-    points.put<std::uint64_t>(model.points.size());
-    for (const SparsePoint& point : model.points) {
-        points.put(point.id).put(point.position.x).put(point.position.y).put(point.position.z);
-        for (const std::uint8_t c : point.color) points.put(c);
-        points.put(point.error).put<std::uint64_t>(point.track.size());
-        for (const auto& [image, observation] : point.track) points.put(image).put(observation);
-    }
+    images.count(model.images, 0);
+    for (const SparseImage& image : model.images) image_of(images, image);
+    points_of(points, model.points);
     cameras.write(folder + "/cameras.bin");
     images.write(folder + "/images.bin");
     points.write(folder + "/points3D.bin");
@@ -191,6 +165,40 @@ bool take_lens(SparseCamera& camera, const std::string& lens) {
 Intrinsics intrinsics_of(const SparseCamera& camera) {
     return make_intrinsics("COLMAP's result", camera.id, *find_camera_model(camera.model),
                            camera.width, camera.height, camera.params);
+}
+
+Ray ray_of(const Intrinsics& in, const Rigid3d& camera_from_world, Vec2<double> pixel) {
+    const Vec2<double> uv = undistort(
+        in.distortion, {(pixel.x - in.cx_px) / in.fx_px, (pixel.y - in.cy_px) / in.fy_px});
+    const Rigid3d world_from_camera = inverse(camera_from_world);
+    return {world_from_camera.t, normalize(world_from_camera.R * Vec3d{uv.x, uv.y, 1})};
+}
+
+std::optional<Vec2<double>> pixel_of(const Intrinsics& in,
+                                     const Rigid3d& camera_from_world,
+                                     Vec3d point) {
+    const Vec3d p = camera_from_world * point;
+    if (!(p.z > 0)) return std::nullopt;
+    const Vec2<double> uv = distort(in.distortion, {p.x / p.z, p.y / p.z});
+    return Vec2<double>{uv.x * in.fx_px + in.cx_px, uv.y * in.fy_px + in.cy_px};
+}
+
+std::optional<Vec3d> meeting_point(const std::vector<Ray>& rays) {
+    constexpr double kLeastSine = 0.0349;  // 2 degrees
+    double widest = 0;
+    for (const Ray& a : rays)
+        for (const Ray& b : rays) widest = std::max(widest, norm(cross(a.direction, b.direction)));
+    if (!(widest >= kLeastSine)) return std::nullopt;
+    Vec3d columns[3]{}, wanted{};  // sum of I - d d^T, and of the same times the origins
+    for (const Ray& ray : rays) {
+        const Vec3d d = ray.direction;
+        for (int c = 0; c < 3; ++c) columns[c] += -d[c] * d, columns[c][c] += 1;
+        wanted += ray.origin - dot(d, ray.origin) * d;
+    }
+    const double det = dot(columns[0], cross(columns[1], columns[2]));
+    return Vec3d{dot(wanted, cross(columns[1], columns[2])) / det,
+                 dot(columns[0], cross(wanted, columns[2])) / det,
+                 dot(columns[0], cross(columns[1], wanted)) / det};
 }
 
 }  // namespace tvsgs::prepare

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,7 +18,7 @@ inline constexpr std::uint64_t kNoPoint = ~std::uint64_t{0};
 
 struct SparseCamera {
     std::uint32_t id = 0;
-    int model = 0;
+    std::int32_t model = 0;
     std::uint64_t width = 0, height = 0;
     std::vector<double> params;
 };
@@ -82,5 +83,21 @@ bool take_lens(SparseCamera& camera, const std::string& lens);
 
 /// Checks the parameters like the readers of scenes.
 Intrinsics intrinsics_of(const SparseCamera& camera);
+
+/// Ray of a pixel through a camera with lens distortion.
+struct Ray {
+    Vec3d origin, direction;  // world, unit length
+};
+
+Ray ray_of(const Intrinsics& camera, const Rigid3d& camera_from_world, Vec2<double> pixel);
+
+/// Pixel at which the camera shows a point; empty: behind the camera.
+std::optional<Vec2<double>> pixel_of(const Intrinsics& camera,
+                                     const Rigid3d& camera_from_world,
+                                     Vec3d point);
+
+/// The point with the least sum of squared distances to the rays; empty if all directions differ by
+/// less than 2 degrees.
+std::optional<Vec3d> meeting_point(const std::vector<Ray>& rays);
 
 }  // namespace tvsgs::prepare

@@ -9,6 +9,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/prepare/check.h"
+#include "apps/prepare/colmap.h"
 #include "apps/prepare/control_points.h"
 #include "apps/prepare/metric.h"
 #include "apps/prepare/opencv.h"
@@ -23,9 +24,10 @@
 #include "io/scene/georeference.h"
 #include "pipeline/run/signals.h"
 
-namespace tvsgs::prepare {
+namespace tvsgs {
 namespace {
 
+using namespace prepare;
 namespace fs = std::filesystem;
 
 struct Arguments {
@@ -34,7 +36,7 @@ struct Arguments {
     ReconstructOptions reconstruct;
     double marker_size = 0;
     int min_share = 50, frames = 150;
-    bool gps = false, anew = false, quiet = false;
+    bool gps = false, anew = false;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -46,75 +48,56 @@ Arguments parse(int argc, char** argv) {
     app.get_formatter()->column_width(40);
     app.add_option("photos", a.photos, "folder of photographs, or a video")->required();
     app.add_option("scene", a.scene, "folder to write, new or empty")->required();
-    const char* group = "Cameras";
-    app.add_option("--cameras", a.cameras,
-                   "photographs that share a lens and focal length: auto (by size and EXIF), one "
-                   "(all), each (none) [auto]")
-        ->check(CLI::IsMember({"auto", "one", "each"}))
-        ->group(group);
-    app.add_option("--lens", a.reconstruct.lens,
-                   "camera model of COLMAP; auto: OPENCV from 10 photographs of a camera on, else "
-                   "SIMPLE_RADIAL; OPENCV_FISHEYE for a fisheye [auto]")
-        ->check(CLI::IsMember({"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL",
-                               "OPENCV", "FULL_OPENCV", "FOV", "OPENCV_FISHEYE",
-                               "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"}))
-        ->group(group);
-    app.add_option("--calibration", a.calibration,
-                   "calibration file of OpenCV (YAML, XML or JSON): the lens of all photographs, "
-                   "not refined")
-        ->group(group);
+    start_group(app, "Cameras");
+    add_choice(app, "--cameras", a.cameras, {"auto", "one", "each"},
+               "photographs that share a lens and focal length: auto (by size and EXIF), one "
+               "(all), each (none) [auto]");
+    add_choice(
+        app, "--lens", a.reconstruct.lens,
+        {"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV",
+         "FOV", "OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"},
+        "camera model of COLMAP; auto: OPENCV from 10 photographs of a camera on, else "
+        "SIMPLE_RADIAL; OPENCV_FISHEYE for a fisheye [auto]");
+    app.add_option(
+        "--calibration", a.calibration,
+        "calibration file of OpenCV (YAML, XML or JSON): the lens of all photographs, not refined");
     app.add_option("--poses", a.reconstruct.poses,
-                   "COLMAP model (cameras, images): keep its poses, make the points only")
-        ->group(group);
-    group = "Metric frame";
+                   "COLMAP model (cameras, images): keep its poses, make the points only");
+    start_group(app, "Metric frame");
     app.add_option("--marker-size", a.marker_size,
                    "side of the ArUco or AprilTag markers in the scene, metres: makes the scene "
                    "metric and upright")
-        ->check(kPositive)
-        ->group(group);
+        ->check(kPositive);
     app.add_option("--marker-dictionary", a.dictionary,
-                   "DICT_4X4_50, DICT_APRILTAG_36h11, ... [DICT_4X4_50]")
-        ->group(group);
-    app.add_option("--markers-on", a.markers_on,
-                   "floor: markers lie flat; wall: markers hang upright [floor]")
-        ->check(CLI::IsMember({"floor", "wall"}))
-        ->group(group);
+                   "DICT_4X4_50, DICT_APRILTAG_36h11, ... [DICT_4X4_50]");
+    add_choice(app, "--markers-on", a.markers_on, {"floor", "wall"},
+               "floor: markers lie flat; wall: markers hang upright [floor]");
     app.add_option("--gcp", a.gcp,
                    "list of control points, gcp_list.txt of OpenDroneMap (projection; lines x y z "
-                   "px py image [name]): puts the scene into metres at its true place")
-        ->group(group);
+                   "px py image [name]): puts the scene into metres at its true place");
     app.add_option("--checkpoints", a.checkpoints,
-                   "names of control points, with commas: only measured, not fitted")
-        ->group(group);
-    app.add_flag("--gps", a.gps, "put the scene into metres by the places of the cameras in EXIF")
-        ->group(group);
-    group = "Work";
-    app.add_option("--frames", a.frames, "most frames to take from a video [150]")
-        ->check(CLI::Range(2, 100000))
-        ->group(group);
-    app.add_option("--matcher", a.matcher,
-                   "exhaustive: match all pairs; sequential: neighbours by name; transitive: "
-                   "neighbours, then pairs that match the same photograph; auto: sequential for a "
-                   "video, transitive above 200 photographs [auto]")
-        ->check(CLI::IsMember({"auto", "exhaustive", "sequential", "transitive"}))
-        ->group(group);
-    app.add_option("--feature-size", a.reconstruct.feature_size,
-                   "longest side of the photographs for the feature search, pixels; larger is "
-                   "slower and may connect more [2000]")
-        ->check(CLI::Range(100, 65535))
-        ->group(group);
-    app.add_option("--min-share", a.min_share,
-                   "share of the photographs that need a pose, per cent [50]")
-        ->check(CLI::Range(0, 100))
-        ->group(group);
-    app.add_flag("--anew", a.anew, "find cameras again even if there are some")->group(group);
-    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+                   "names of control points, with commas: only measured, not fitted");
+    app.add_flag("--gps", a.gps, "put the scene into metres by the places of the cameras in EXIF");
+    start_group(app, "Work");
+    add_number(app, "--frames", a.frames, 2, 100000, "most frames to take from a video [150]");
+    add_choice(app, "--matcher", a.matcher, {"auto", "exhaustive", "sequential", "transitive"},
+               "exhaustive: match all pairs; sequential: neighbours by name; transitive: "
+               "neighbours, then pairs that match the same photograph; auto: sequential for a "
+               "video, transitive above 200 photographs [auto]");
+    add_number(app, "--feature-size", a.reconstruct.feature_size, 100, 65535,
+               "longest side of the photographs for the feature search, pixels; larger is slower "
+               "and may connect more [2000]");
+    add_number(app, "--min-share", a.min_share, 0, 100,
+               "share of the photographs that need a pose, per cent [50]");
+    app.add_flag("--anew", a.anew, "find cameras again even if there are some");
+    start_group(app, "Options");
+    add_log_flags(app);
     parse_command_line(app, argc, argv);
     if (app.count("--threads") > 0) a.reconstruct.threads = thread_count();
 
     // Refuses flags that would have no effect.
     const auto refuse = [&](bool wrong, const char* why) {
-        if (wrong) throw Error(ExitCode::usage, why);
+        if (wrong) throw usage_error(why);
     };
     std::error_code error;
     const bool folder = fs::is_directory(a.photos, error), video = !folder && is_video(a.photos);
@@ -208,29 +191,24 @@ void check_places(const Arguments& a, const fs::path& scene) {
     if (is_in_place(a, scene)) {
         for (const char* ours : {"sparse", "prepare.json", "prepare.log", "georeference.json"})
             if (fs::exists(scene / ours))
-                throw Error(ExitCode::usage,
-                            str((scene / ours).string(), " already exists; choose another scene"));
+                throw usage_error((scene / ours).string(), " already exists; choose another scene");
     } else if (fs::exists(fs::symlink_status(scene)) &&  // or a broken link
                !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
-        throw Error(ExitCode::usage,
-                    a.scene + ": already exists and is not empty; choose another folder");
+        throw usage_error(a.scene, ": already exists and is not empty; choose another folder");
     }
     if (!a.anew && a.reconstruct.poses.empty() && fs::is_directory(a.photos))
         if (const std::string model = find_model_of(a.photos); !model.empty())
-            throw Error(ExitCode::usage,
-                        str(a.photos, ": these photographs have cameras already, in ", model,
-                            ": train on that scene, keep its poses with --poses MODEL, or find all "
-                            "again with --anew"));
+            throw usage_error(a.photos, ": these photographs have cameras already, in ", model,
+                              ": train on that scene, keep its poses with --poses MODEL, or find "
+                              "all again with --anew");
     if (a.marker_size > 0) {
         const std::vector<std::string> known = marker_dictionaries();
         if (std::ranges::find(known, a.dictionary) == known.end()) {
-            std::string names;
-            for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
-            throw Error(ExitCode::usage,
-                        has_opencv()
-                            ? str("--marker-dictionary ", a.dictionary, ": expected one of ", names)
-                            : std::string("--marker-size: this tvsgs-prepare was built "
-                                          "without OpenCV (Debian: libopencv-contrib-dev)"));
+            throw usage_error(has_opencv()
+                                  ? fmt::format("--marker-dictionary {}: expected one of {}",
+                                                a.dictionary, fmt::join(known, ", "))
+                                  : "--marker-size: this tvsgs-prepare was built without OpenCV "
+                                    "(Debian: libopencv-contrib-dev)");
         }
     }
 }
@@ -285,10 +263,11 @@ JsonValue put_in_place(const GeoFrame& frame, const fs::path& made, SparseModel&
     return frame.report;
 }
 
+}  // namespace
+
 int command(int argc, char** argv) {
     // 1. Find the photographs.
     Arguments a = parse(argc, argv);
-    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
     fs::path scene = fs::weakly_canonical(fs::absolute(a.scene));  // the target of a link
     if (!scene.has_filename()) scene = scene.parent_path();
     check_places(a, scene);
@@ -336,8 +315,8 @@ int command(int argc, char** argv) {
     if (!in_place)
         put_photographs(photographs, images.string());
     else if (std::ranges::any_of(photographs, &Photograph::convert))
-        throw Error(ExitCode::usage,
-                    a.photos + ": TIFF and WebP need a copy as PNG; choose another scene folder");
+        throw usage_error(a.photos,
+                          ": TIFF and WebP need a copy as PNG; choose another scene folder");
     const std::string log = start_log(scene);
     Reconstruction found = with_context(
         str("preparing ", a.scene, " (messages of COLMAP: ", log, ")"),
@@ -377,9 +356,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
-}  // namespace tvsgs::prepare
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::prepare::command(argc, argv); });
-}
+}  // namespace tvsgs

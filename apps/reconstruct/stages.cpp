@@ -124,10 +124,4 @@ std::string whole_text(const std::vector<const StageKind*>& stages,
            (std::isfinite(left) ? " in this step" : "");
 }
 
-std::string shell_line(const std::vector<std::string>& words) {
-    std::string line;
-    for (const std::string& word : words) line += (line.empty() ? "" : " ") + for_shell(word);
-    return line;
-}
-
 }  // namespace tvsgs::reconstruct

@@ -77,7 +77,4 @@ std::string whole_text(const std::vector<const StageKind*>& stages,
                        double seconds,
                        double now);
 
-/// The words as a command line for a shell.
-std::string shell_line(const std::vector<std::string>& words);
-
 }  // namespace tvsgs::reconstruct

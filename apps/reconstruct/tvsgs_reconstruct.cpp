@@ -4,32 +4,36 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <optional>
 
 #include "apps/common/command_line.h"
 #include "apps/prepare/photo_files.h"
 #include "apps/reconstruct/record.h"
 #include "apps/reconstruct/stages.h"
-#include "apps/reconstruct/summary.h"
 #include "core/device/device_choice.h"
 #include "core/device/threads.h"
 #include "core/grouped.h"
 #include "core/progress.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
+#include "io/mesh/mesh_files.h"
 #include "io/scene/scene_layout.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
+#include "report/verdict.h"
+#include "report/view_run.h"
 
-namespace tvsgs::reconstruct {
+namespace tvsgs {
 namespace {
 
+using namespace reconstruct;
 namespace fs = std::filesystem;
 using Words = std::vector<std::string>;  // a command line
 
 struct Arguments {
     std::string photos, out, quality = "normal", device = "auto";
-    bool overwrite = false, quiet = false;
+    bool overwrite = false;
     Words of_machine;  // flags for all programs that change no result
 };
 
@@ -46,15 +50,14 @@ Arguments parse(int argc, char** argv) {
     app.add_option("out", a.out,
                    "folder to write: scene/ (if cameras are searched), run/, view.html")
         ->required();
-    app.add_option("--quality", a.quality,
-                   "draft: photographs 800 pixels wide, 2,000 iterations; normal: 1,600 pixels, "
-                   "iterations by the plan; best: 3,200 pixels, 500 iterations per photograph and "
-                   "at least 15,000. If the narrowest photograph is smaller, its width decides")
-        ->check(CLI::IsMember({"draft", "normal", "best"}));
+    add_choice(app, "--quality", a.quality, {"draft", "normal", "best"},
+               "draft: photographs 800 pixels wide, 2,000 iterations; normal: 1,600 pixels, "
+               "iterations by the plan; best: 3,200 pixels, 500 iterations per photograph and at "
+               "least 15,000. If the narrowest photograph is smaller, its width decides");
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
     app.add_flag("--overwrite", a.overwrite,
                  "start anew: remove the files that an earlier call wrote to OUT");
-    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    add_log_flags(app);
     parse_command_line(app, argc, argv);
     if (a.device != "auto" && (!kHasCuda || !a.device.starts_with("cuda"))) choose_device(a.device);
     while (a.out.size() > 1 && a.out.ends_with('/')) a.out.pop_back();
@@ -105,6 +108,47 @@ void list_files(const fs::path& folder) {
     for (const fs::path& file : files) add_to_manifest(folder, file);
 }
 
+JsonValue json_of(const fs::path& file) {
+    std::error_code code;
+    return fs::is_regular_file(file, code) ? parse_json_value(read_bytes(file), file) : JsonValue();
+}
+
+std::string count_of(const JsonValue& value, const std::string& what) {
+    return counted(static_cast<std::size_t>(std::max(0.0, value.number_or(0))), what);
+}
+
+/// "1.92 x 2.01 x 1.8": the box of the mesh.
+std::string size_text(const std::string& mesh) {
+    constexpr double kFar = std::numeric_limits<double>::max();
+    Vec3d low{kFar, kFar, kFar}, high = -low;
+    for (const Vec3d p : read_mesh_geometry(mesh).positions)
+        for (int c = 0; c < 3; ++c)
+            low[c] = std::min(low[c], p[c]), high[c] = std::max(high[c], p[c]);
+    return fmt::format("{:.3g} x {:.3g} x {:.3g}", high.x - low.x, high.y - low.y, high.z - low.z);
+}
+
+/// Logs the results of a run folder: numbers, limits of the quality, and places of the files.
+/// `scene`: of the run; its prepare.json, if there is one, has the number of given photographs.
+void log_summary(const std::string& run, const std::string& scene, const std::string& page) {
+    const JsonValue report = json_of(run + "/report.json"),
+                    prepared = json_of(scene + "/prepare.json");
+    const RunVerdict verdict = verdict_of(report);
+    const std::string mesh = find_mesh(run);
+    std::string given;
+    if (const double all = prepared["photographs"].number; all > report["training_views"].number)
+        given = str(" of ", all);
+    spdlog::info("Reconstructed {}{}: {}, mesh of {}, {} {}",
+                 count_of(report["training_views"], "photograph"), given,
+                 count_of(report["splats"], "splat"), count_of(report["mesh"]["faces"], "face"),
+                 size_text(mesh), in_metres(run, scene) ? "metres" : "units of the scene");
+    if (!verdict.level.empty()) spdlog::info("Quality: {}", verdict.level);
+    for (const std::string& limit : verdict.limits) spdlog::info("Limit: {}", limit);
+    if (!verdict.limits.empty())
+        for (const std::string& next : verdict.next) spdlog::info("Photograph next: {}", next);
+    spdlog::info("Mesh: {}\nPage: {}\nReport: {}/report.html", mesh, page, run);
+    say_next({"tvsgs-export", run, "splats.spz"}, "write the splats for other viewers");
+}
+
 class Reconstruction {
 public:
     /// Checks the input and the folder of the result. Throws Error before anything is written.
@@ -146,27 +190,24 @@ Reconstruction::Reconstruction(const Arguments& a)
     if (folder && !has_cameras) {
         photographs_ = prepare::photo_files(input_).size();
         if (const std::string model = prepare::find_model_of(input_); !model.empty())
-            throw Error(ExitCode::usage, str(a.photos, ": these photographs have cameras, in ",
-                                             model, "; give the folder of that scene"));
+            throw usage_error(a.photos, ": these photographs have cameras, in ", model,
+                              "; give the folder of that scene");
     }
     stages_ = has_cameras ? std::vector{&kTrain, &kMesh, &kView}
                           : std::vector{&kPrepare, &kTrain, &kMesh, &kView};
     for (const StageKind* stage : stages_)
         if (access(program(*stage).c_str(), X_OK) != 0)
-            throw Error(ExitCode::usage,
-                        str(program(*stage), ": not installed; install the package ",
-                            stage == &kPrepare ? "tvsgs-prepare" : "tvsgs"));
+            throw usage_error(program(*stage), ": not installed; install the package ",
+                              stage == &kPrepare ? "tvsgs-prepare" : "tvsgs");
 
     // 2. The result.
     if (lies_in(out_, input_))
-        throw Error(ExitCode::usage,
-                    str(a.out, ": lies inside ", a.photos, "; choose a folder elsewhere"));
+        throw usage_error(a.out, ": lies inside ", a.photos, "; choose a folder elsewhere");
     const bool exists = fs::exists(fs::symlink_status(out_));
-    if (exists && !fs::is_directory(out_))
-        throw Error(ExitCode::usage, a.out + ": is a file; choose a folder");
+    if (exists && !fs::is_directory(out_)) throw usage_error(a.out, ": is a file; choose a folder");
     record_.emplace(out_);
     if (exists && record_->is_new() && !fs::is_empty(out_))
-        throw Error(ExitCode::usage, a.out + ": has other files; choose another folder");
+        throw usage_error(a.out, ": has other files; choose another folder");
     if (!a.overwrite) check_commands();
 }
 
@@ -218,14 +259,12 @@ void Reconstruction::check_commands() const {
         const bool is_kept = was != nullptr && (was->done || stage == &kTrain || is_done(*stage));
         if (!is_kept) continue;
         if (stage == &kTrain && stages_.front() == &kPrepare && !is_done(kPrepare))
-            throw Error(ExitCode::usage,
-                        str(a_.out, ": has a run, but its scene/ is missing or damaged; put it ",
-                            "back, or start anew with --overwrite"));
+            throw usage_error(a_.out, ": has a run, but its scene/ is missing or damaged; put it ",
+                              "back, or start anew with --overwrite");
         if (const std::string now = recorded_command(*stage); now != was->command)
-            throw Error(
-                ExitCode::usage,
-                str(a_.out, ": was made by another command:\n  before: ", was->command,
-                    "\n  now:    ", now, "\n  --overwrite starts anew; or choose another folder"));
+            throw usage_error(a_.out, ": was made by another command:\n  before: ", was->command,
+                              "\n  now:    ", now,
+                              "\n  --overwrite starts anew; or choose another folder");
     }
 }
 
@@ -234,8 +273,7 @@ void Reconstruction::remove_results() {
     const Record::Stage* const prepared = record_->find(kPrepare.name);
     if (stages_.front() == &kPrepare && fs::exists(scene_) && !has_manifest(scene_) &&
         (prepared == nullptr || prepared->command != recorded_command(kPrepare)))
-        throw Error(ExitCode::usage,
-                    scene_ + ": was made by hand from other photographs; move it away");
+        throw usage_error(scene_, ": was made by hand from other photographs; move it away");
     for (const std::string& folder : {run_, scene_}) {
         if (!has_manifest(folder) || lies_in(input_, folder)) continue;
         remove_listed_files(folder);
@@ -276,8 +314,7 @@ int Reconstruction::run() {
     const SignalGuard signals;
     fs::create_directories(out_);
     const FolderLock lock(out_);
-    if (lock.held())
-        throw Error(ExitCode::usage, a_.out + ": another tvsgs-reconstruct works there; wait");
+    if (lock.held()) throw usage_error(a_.out, ": another tvsgs-reconstruct works there; wait");
     record_.emplace(out_);  // another process may have changed it before the lock
     if (a_.overwrite) remove_results();
     if (a_.overwrite || record_->is_new()) record_->clear();
@@ -303,15 +340,11 @@ int Reconstruction::run() {
     return 0;
 }
 
+}  // namespace
+
 int command(int argc, char** argv) {
     const Arguments a = parse(argc, argv);
-    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
     return Reconstruction(a).run();
 }
 
-}  // namespace
-}  // namespace tvsgs::reconstruct
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::reconstruct::command(argc, argv); });
-}
+}  // namespace tvsgs

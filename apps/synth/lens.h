@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "core/log.h"
 #include "core/scene/camera.h"
 #include "core/scene/image.h"
 #include "io/scene/camera_model.h"
@@ -43,7 +44,7 @@ public:
             params.erase(params.begin() + 1);
         params.insert(params.end(), coefficients.begin(), coefficients.end());
         colmap_ = str(name, ' ', camera.width_px, ' ', camera.height_px);
-        for (const double p : params) colmap_ += str(' ', exact(p));
+        for (const double p : params) colmap_ += fmt::format(" {:.17g}", p);
         in_ = make_intrinsics("tvsgs-synth", 1, model, static_cast<std::uint64_t>(camera.width_px),
                               static_cast<std::uint64_t>(camera.height_px), params);
         if (in_.distortion.kind == Distortion::Kind::none) return;
@@ -97,20 +98,14 @@ public:
         return out;
     }
 
-    /// Position in the photograph of the pinhole's `pixel`; false: none.
-    bool find(Vec2f pixel, Vec2<double>& place) const {
-        place = {double(pixel.x), double(pixel.y)};
-        return places_.empty() || find_in_photo(in_, place.x, place.y, place);
+    /// Position in the photograph of the pinhole's `pixel`; empty: none.
+    std::optional<Vec2<double>> find(Vec2f pixel) const {
+        Vec2<double> place{double(pixel.x), double(pixel.y)};
+        if (places_.empty() || find_in_photo(in_, place.x, place.y, place)) return place;
+        return std::nullopt;
     }
 
 private:
-    /// 17 digits.
-    static std::string exact(double value) {
-        char text[32];
-        std::snprintf(text, sizeof text, "%.17g", value);
-        return text;
-    }
-
     /// The pinhole's position of `place` in the photograph.
     Vec2<double> undistorted_place(Vec2<double> place) const {
         const Vec2<double> uv = undistort(

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "core/device/parallel.h"
-#include "core/error.h"
 #include "core/math/rng.h"
 #include "core/scene/mesh.h"
 
@@ -66,19 +65,17 @@ inline float bust_face(Vec3f p) {
 }
 
 inline Shape bust() {
-    Shape shape;
-    shape.distance = [](Vec3f p) {
+    const auto distance = [](Vec3f p) {
         const float head = smooth_min(bust_face(p), bust_hair(p), 0.04f);
         return std::max(smooth_min(head, bust_body(p), 0.06f),
                         -0.02f - p.z);  // cut off slightly below the ground
     };
-    shape.base_color = [](Vec3f p) {
+    const auto base_color = [](Vec3f p) {
         const float face = bust_face(p), hair = bust_hair(p), body = bust_body(p);
         if (body < face && body < hair) return Vec3f{0.25f, 0.45f, 0.72f};
         return face < hair ? Vec3f{0.85f, 0.62f, 0.47f} : Vec3f{0.55f, 0.3f, 0.16f};
     };
-    shape.low = {-0.75f, -0.95f, -0.05f}, shape.high = {0.65f, 0.95f, 2.1f};
-    return shape;
+    return {distance, base_color, {-0.75f, -0.95f, -0.05f}, {0.65f, 0.95f, 2.1f}};
 }
 
 inline Shape spheres() {
@@ -93,13 +90,12 @@ inline Shape spheres() {
          {{0.62f, 0.42f, 0.27f}, 0.27f, {0.82f, 0.72f, 0.3f}},
          {{-0.1f, 0.05f, 1.48f}, 0.3f, {0.45f, 0.65f, 0.35f}},
          {{-0.6f, -0.62f, 0.2f}, 0.2f, {0.65f, 0.4f, 0.65f}}}};
-    Shape shape;
-    shape.distance = [](Vec3f p) {
+    const auto distance = [](Vec3f p) {
         float d = 1e30f;
         for (const Ball& ball : kBalls) d = std::min(d, sphere(p, ball.centre, ball.radius));
         return d;
     };
-    shape.base_color = [](Vec3f p) {
+    const auto base_color = [](Vec3f p) {
         return std::min_element(kBalls.begin(), kBalls.end(),
                                 [&](const Ball& a, const Ball& b) {
                                     return sphere(p, a.centre, a.radius) <
@@ -107,29 +103,23 @@ inline Shape spheres() {
                                 })
             ->color;
     };
-    shape.low = {-0.95f, -1.1f, -0.1f}, shape.high = {1.0f, 0.85f, 1.9f};
-    return shape;
+    return {distance, base_color, {-0.95f, -1.1f, -0.1f}, {1.0f, 0.85f, 1.9f}};
 }
 
 inline Shape torus() {
-    Shape shape;
-    shape.distance = [](Vec3f p) {  // it stands upright, slightly below the ground
+    const auto distance = [](Vec3f p) {  // it stands upright, slightly below the ground
         const Vec2f ring{std::sqrt(p.y * p.y + (p.z - 0.9f) * (p.z - 0.9f)) - 0.65f, p.x};
         return std::max(std::sqrt(dot(ring, ring)) - 0.27f, -0.03f - p.z);
     };
-    shape.base_color = [](Vec3f p) {
+    const auto base_color = [](Vec3f p) {
         const float turn = std::atan2(p.z - 0.9f, p.y);
         return std::sin(6 * turn) > 0 ? Vec3f{0.8f, 0.5f, 0.3f} : Vec3f{0.4f, 0.55f, 0.65f};
     };
-    shape.low = {-0.35f, -1, -0.1f}, shape.high = {0.35f, 1, 1.9f};
-    return shape;
+    return {distance, base_color, {-0.35f, -1, -0.1f}, {0.35f, 1, 1.9f}};
 }
 
 inline Shape make_shape(const std::string& name) {
-    if (name == "bust") return bust();
-    if (name == "spheres") return spheres();
-    if (name == "torus") return torus();
-    throw Error(ExitCode::usage, str("--shape ", name, ": expected bust, spheres or torus"));
+    return name == "bust" ? bust() : name == "spheres" ? spheres() : torus();
 }
 
 inline Vec3f gradient(const Shape& shape, Vec3f p) {
@@ -290,7 +280,7 @@ inline float light_reaching(const Shape& shape, Vec3f p, Vec3f direction) {
 }
 
 /// Ambient occlusion: nearby surfaces and the ground darken the ambient light.
-inline float openness(const Shape& shape, Vec3f p, Vec3f normal, float ground_z = 0) {
+inline float openness(const Shape& shape, Vec3f p, Vec3f normal, float ground_z) {
     float occlusion = 0, weight = 1;
     for (const float t : {0.04f, 0.1f, 0.2f, 0.35f}) {
         const Vec3f q = p + t * normal;
@@ -300,19 +290,42 @@ inline float openness(const Shape& shape, Vec3f p, Vec3f normal, float ground_z 
     return std::clamp(1 - 0.4f * occlusion, 0.15f, 1.0f);
 }
 
+/// Colour of a surface point in the light: `base` with texture, of `contrast` from grey (0) to full
+/// (1). `off`: distance from the surface at which the shadow ray begins.
+inline Vec3f lit(const Shape& shape,
+                 Vec3f p,
+                 Vec3f normal,
+                 float off,
+                 float ground_z,
+                 Vec3f base,
+                 float contrast,
+                 std::uint64_t seed) {
+    const Vec3f to_light = normalize(kLight);
+    const float diffuse = std::max(0.0f, dot(normal, to_light));
+    const float reached = diffuse > 0 ? light_reaching(shape, p + off * normal, to_light) : 0;
+    const float light = 0.75f * diffuse * reached +
+                        0.45f * (0.8f + 0.2f * normal.z) * openness(shape, p, normal, ground_z);
+    constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};
+    Vec3f color = light * ((1 - contrast) * kGrey + contrast * textured(base, p, seed));
+    for (int c = 0; c < 3; ++c) color[c] = std::min(color[c], 1.0f);
+    return color;
+}
+
+/// Appends the vertices and faces of `part`.
+inline void append(const TriangleMesh& part, TriangleMesh& mesh) {
+    const int first = static_cast<int>(mesh.vertices.size());
+    mesh.vertices.insert(mesh.vertices.end(), part.vertices.begin(), part.vertices.end());
+    for (const Vec3i& face : part.faces)
+        mesh.faces.push_back({face.x + first, face.y + first, face.z + first});
+}
+
 /// One coloured mesh of the object on its ground disc. Colours do not depend on the view. `texture`
 /// is the contrast of the surface colours, from uniform grey (0) to full (1).
 inline TriangleMesh make_scene_mesh(
     const Shape& shape, float ground_radius, float spacing, float texture, std::uint64_t seed) {
     TriangleMesh mesh = surface_nets(shape, spacing);
-    const TriangleMesh ground = disc(ground_radius, spacing);
     const int object_vertices = static_cast<int>(mesh.vertices.size());
-    mesh.vertices.insert(mesh.vertices.end(), ground.vertices.begin(), ground.vertices.end());
-    for (const Vec3i& face : ground.faces)
-        mesh.faces.push_back(
-            {face.x + object_vertices, face.y + object_vertices, face.z + object_vertices});
-
-    const Vec3f to_light = normalize(kLight);
+    append(disc(ground_radius, spacing), mesh);
     mesh.colors.resize(mesh.vertices.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int i) {
         const Vec3f p = mesh.vertices[i];
@@ -321,14 +334,7 @@ inline TriangleMesh make_scene_mesh(
         const float tile = std::sin(5 * p.x) * std::sin(5 * p.y) > 0 ? 0.6f : 0.4f;
         const Vec3f base =
             on_ground ? Vec3f{0.95f * tile, tile, 0.85f * tile} : shape.base_color(p);
-        const float diffuse = std::max(0.0f, dot(normal, to_light));
-        const float light =
-            0.75f * diffuse *
-                (diffuse > 0 ? light_reaching(shape, p + 0.01f * normal, to_light) : 0) +
-            0.45f * (0.8f + 0.2f * normal.z) * openness(shape, p, normal);
-        constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};
-        const Vec3f color = light * ((1 - texture) * kGrey + texture * textured(base, p, seed));
-        for (int c = 0; c < 3; ++c) mesh.colors[i][c] = std::min(color[c], 1.0f);
+        mesh.colors[i] = lit(shape, p, normal, 0.01f, 0, base, texture, seed);
     });
     return mesh;
 }

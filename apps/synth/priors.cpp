@@ -106,13 +106,19 @@ void write_array(const std::string& path, const ImageF& map) {
     write_npy(path, shape, map.pixels.data());
 }
 
-/// [C H W], the layout of networks.
-void write_planar(const std::string& path, const ImageF& map) {
-    std::vector<float> planar;
+/// In the order [C H W].
+ImageF planar(const ImageF& map) {
+    ImageF out = map;
+    std::size_t i = 0;
     for (int c = 0; c < map.channels; ++c)
         for (int y = 0; y < map.height; ++y)
-            for (int x = 0; x < map.width; ++x) planar.push_back(map.at(x, y, c));
-    write_npy(path, {map.channels, map.height, map.width}, planar.data());
+            for (int x = 0; x < map.width; ++x) out.pixels[i++] = map.at(x, y, c);
+    return out;
+}
+
+/// [C H W], the layout of networks.
+void write_planar(const std::string& path, const ImageF& map) {
+    write_npy(path, {map.channels, map.height, map.width}, planar(map).pixels.data());
 }
 
 template <class T>
@@ -128,13 +134,8 @@ void write_dmb(const std::string& path, const PriorMaps& maps, const ImageF& map
 }
 
 void write_colmap_map(const std::string& path, const PriorMaps& maps, const ImageF& map) {
-    ImageF planar = map;
-    std::size_t i = 0;
-    for (int c = 0; c < map.channels; ++c)
-        for (int y = 0; y < map.height; ++y)
-            for (int x = 0; x < map.width; ++x) planar.pixels[i++] = map.at(x, y, c);
     write_text_file(
-        path, str(map.width, '&', map.height, '&', map.channels, '&') + maps.bytes_of(planar));
+        path, str(map.width, '&', map.height, '&', map.channels, '&') + maps.bytes_of(planar(map)));
 }
 
 void write_pfm(const std::string& path, const PriorMaps& maps, const ImageF& map) {
@@ -206,17 +207,6 @@ float png_scale(const PriorMaps& maps) {
 }
 
 }  // namespace
-
-void check_priors(const SynthPriors& priors) {
-    const bool open = priors.format == "npy" || priors.format == "vggt" ||
-                      priors.format == "omnidata" || priors.format == "json";
-    if (priors.quantity != "depth" && !open)
-        throw Error(ExitCode::usage, str("--prior-quantity ", priors.quantity,
-                                         ": needs --priors npy, vggt, omnidata or json; other "
-                                         "formats have a fixed quantity"));
-    if (!priors.declare.empty() && priors.format != "json")
-        throw Error(ExitCode::usage, "--prior-declare: needs --priors json");
-}
 
 void write_priors(const std::string& out,
                   const TriangleMesh& mesh,

@@ -8,12 +8,9 @@
 
 namespace tvsgs::synth {
 
-/// The formats of --priors, for help and check.
+/// The formats of --priors.
 inline const std::vector<std::string> kPriorFormats{"npy",    "vggt", "params",   "colmap",
                                                     "mvsnet", "acmm", "omnidata", "json"};
-
-/// Throws Error(ExitCode::usage) for a quantity if the format defines its own.
-void check_priors(const SynthPriors& priors);
 
 /// Writes depth and normals of one view, and the format's other files.
 void write_priors(const std::string& out,

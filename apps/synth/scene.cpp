@@ -1,18 +1,19 @@
 // Writes the scene of tvsgs-synth, file by file.
-#include "apps/synth/scene.h"
+#include "core/scene/scene.h"
 
-#include <filesystem>
 #include <iomanip>
 #include <memory>
+#include <numeric>
+#include <optional>
 
 #include "apps/synth/lens.h"
 #include "apps/synth/photo.h"
 #include "apps/synth/priors.h"
 #include "apps/synth/wide.h"
+#include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/progress.h"
-#include "core/scene/scene.h"
 #include "io/files/atomic_file.h"
 #include "io/images/image_file.h"
 #include "io/splats/ply.h"
@@ -22,7 +23,6 @@
 namespace tvsgs::synth {
 namespace {
 
-namespace fs = std::filesystem;
 constexpr int kSupersampling = 3;
 constexpr float kGroundRadius = 1.2f;
 constexpr float kMeshSpacing = 0.01f;  // a fifth of the texture's finest detail
@@ -62,22 +62,24 @@ std::vector<Sample> sample_surface(const TriangleMesh& mesh, int count, std::uin
     return samples;
 }
 
-/// Image position of a world point; false if it is behind the camera or outside of the image.
-bool project(const Camera& camera, Vec3f point, Vec2f& pixel, float& depth) {
+/// Image position of a world point.
+struct Projected {
+    Vec2f pixel;
+    float depth;
+};
+Projected project(const Camera& camera, Vec3f point) {
     const Vec3f p = camera.camera_from_world * point;
-    depth = p.z;
-    pixel = {camera.fx_px * p.x / p.z + camera.cx_px, camera.fy_px * p.y / p.z + camera.cy_px};
-    return p.z > 0 && pixel.x >= 0 && pixel.y >= 0 &&
-           pixel.x < static_cast<float>(camera.width_px) &&
-           pixel.y < static_cast<float>(camera.height_px);
+    return {{camera.fx_px * p.x / p.z + camera.cx_px, camera.fy_px * p.y / p.z + camera.cy_px},
+            p.z};
 }
 
 /// Z-buffer test with the farthest of 3 x 3 depths, so that slanted surfaces do not hide
 /// themselves.
 bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth) {
-    Vec2f pixel;
-    float z = 0;
-    if (!project(camera, sample.position, pixel, z)) return false;
+    const auto [pixel, z] = project(camera, sample.position);
+    if (!(z > 0 && pixel.x >= 0 && pixel.y >= 0 && pixel.x < static_cast<float>(depth.width) &&
+          pixel.y < static_cast<float>(depth.height)))
+        return false;
     if (dot(normalize(camera_centre(camera) - sample.position), sample.normal) < 0.05f)
         return false;  // grazing
     const int x = static_cast<int>(pixel.x), y = static_cast<int>(pixel.y);
@@ -88,15 +90,8 @@ bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth)
     return z <= farthest + 0.1f * kMeshSpacing;
 }
 
-/// Whether the photograph shows a pinhole's pixel (`whole`: of its view).
-bool is_in_photo(const Lens& lens, const Camera& whole, Vec3f point) {
-    Vec2f pixel;
-    float z = 0;
-    project(whole, point, pixel, z);
-    Vec2<double> place;
-    return lens.find(pixel, place);
-}
-
+/// Marks the samples in a view's pinhole `camera` with its `depth` that the photograph shows, too.
+/// `whole`: the view's camera.
 void mark_visible(std::vector<Sample>& samples,
                   int view,
                   const Camera& camera,
@@ -104,7 +99,8 @@ void mark_visible(std::vector<Sample>& samples,
                   const Lens& lens,
                   const Camera& whole) {
     parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int i) {
-        if (is_visible(samples[i], camera, depth) && is_in_photo(lens, whole, samples[i].position))
+        if (is_visible(samples[i], camera, depth) &&
+            lens.find(project(whole, samples[i].position).pixel))
             samples[i].views.push_back(view);
     });
 }
@@ -192,11 +188,8 @@ void write_colmap(const std::string& folder,
         for (int c = 0; c < 3; ++c) cloud << ' ' << std::lround(255 * point.color[c]);
         cloud << " 0.5";
         for (const int view : point.views) {
-            Vec2f pixel;
-            float depth = 0;
-            project(views[view].camera, point.position, pixel, depth);
-            Vec2<double> place;
-            lens.find(pixel, place);
+            const Vec2<double> place =
+                *lens.find(project(views[view].camera, point.position).pixel);
             cloud << ' ' << view + 1 << ' ' << observation_count[view]++;
             observations[view] << (observation_count[view] > 1 ? " " : "") << place.x << ' '
                                << place.y << ' ' << k + 1;
@@ -271,8 +264,8 @@ std::string readme(const SynthOptions& options) {
             ? str(".\nObjects up to 2 units high on a ground with relief, ", options.wide, " x ",
                   options.wide, " units around the origin, z up; cameras at two heights.\n")
             : str(", arc ", options.arc_deg,
-                  " degrees.\nUnits: the object is about 2 units high; the ground is the plane "
-                  "z = 0, z up, the object's front looks along +x.\n"),
+                  " degrees.\nUnits: the object is about 2 units high; the ground is the plane z = "
+                  "0, z up, the object's front looks along +x.\n"),
         options.shininess > 0
             ? str("Highlights of strength ", options.shininess,
                   " move with the view point; the colours of mesh and points are without.\n")
@@ -343,7 +336,7 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     }
     write_text_file(out + "/splits.json", splits_json(splits, views));
     std::vector<int> all(views.size());
-    for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
+    std::iota(all.begin(), all.end(), 0);
     const PointCloud seen = seen_twice(truth, all), seen_3 = seen_twice(truth, splits.train_3);
     write_mesh_ply(out + "/gt/mesh.ply", mesh);
     write_cloud_ply(out + "/gt/points.ply", seen);

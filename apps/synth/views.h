@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
 #include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "core/log.h"
 #include "core/math/rigid.h"
 #include "core/math/rng.h"
 #include "core/scene/camera.h"
@@ -51,6 +51,10 @@ struct SynthView {
     Rigid3d pose() const { return {rotation(quat), translation}; }
 };
 
+/// Writes a scene to the folder `out`, which must exist: photographs, cameras, initial points,
+/// masks, priors, the exact surface. The same options give the same files.
+void write_scene(const SynthOptions& options, const std::string& out);
+
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 /// View `i` at `distance` from its target, in the direction of an azimuth and an elevation.
@@ -61,9 +65,7 @@ inline SynthView make_view(const SynthOptions& options,
                            double azimuth_rad,
                            double elevation_rad) {
     SynthView view;
-    std::ostringstream name;
-    name << std::setw(4) << std::setfill('0') << i << ".png";
-    view.name = name.str();
+    view.name = fmt::format("{:04}.png", i);
     view.azimuth_rad = azimuth_rad;
     const Vec3d backward{std::cos(azimuth_rad) * std::cos(elevation_rad),
                          std::sin(azimuth_rad) * std::cos(elevation_rad), std::sin(elevation_rad)};

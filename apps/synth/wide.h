@@ -2,8 +2,6 @@
 // survey flight.
 #pragma once
 
-#include <memory>
-
 #include "apps/synth/object.h"
 #include "apps/synth/views.h"
 
@@ -14,30 +12,26 @@ constexpr float kWideSpacing = 0.03f;
 
 /// A pole, and a house with a gable roof: thin parts and corners, unlike the round shapes.
 inline Shape pole() {
-    Shape shape;
-    shape.distance = [](Vec3f p) {
+    const auto distance = [](Vec3f p) {
         const float post = capsule(p, {0, 0, -0.2f}, {0, 0, 1.9f}, 0.09f);
         return std::max(std::min(post, sphere(p, {0, 0, 1.95f}, 0.22f)), -0.06f - p.z);
     };
-    shape.base_color = [](Vec3f p) {
+    const auto base_color = [](Vec3f p) {
         return std::sin(12 * p.z) > 0 ? Vec3f{0.8f, 0.75f, 0.7f} : Vec3f{0.7f, 0.25f, 0.2f};
     };
-    shape.low = {-0.35f, -0.35f, -0.15f}, shape.high = {0.35f, 0.35f, 2.3f};
-    return shape;
+    return {distance, base_color, {-0.35f, -0.35f, -0.15f}, {0.35f, 0.35f, 2.3f}};
 }
 inline Shape house() {
-    Shape shape;
-    shape.distance = [](Vec3f p) {
+    const auto distance = [](Vec3f p) {
         const float roof = 0.70711f * (std::abs(p.y) + p.z - 1.75f);
         return std::max({std::abs(p.x) - 0.9f, std::abs(p.y) - 0.7f, roof, -0.06f - p.z});
     };
-    shape.base_color = [](Vec3f p) {
+    const auto base_color = [](Vec3f p) {
         if (std::abs(p.y) + p.z > 1.7f) return Vec3f{0.62f, 0.3f, 0.22f};
         const bool window = std::sin(9 * p.x) * std::sin(9 * p.y) > 0.3f && p.z > 0.4f;
         return window ? Vec3f{0.25f, 0.3f, 0.4f} : Vec3f{0.75f, 0.7f, 0.6f};
     };
-    shape.low = {-1, -0.8f, -0.15f}, shape.high = {1, 0.8f, 1.85f};
-    return shape;
+    return {distance, base_color, {-1, -0.8f, -0.15f}, {1, 0.8f, 1.85f}};
 }
 
 /// Objects in rows on a square of `side` units around the origin, one per 2.4 x 2.4 units, an odd
@@ -89,12 +83,7 @@ public:
         TriangleMesh mesh = ground();
         std::vector<int> owner(mesh.vertices.size(), -1);
         for (std::size_t k = 0; k < objects_.size(); ++k) {
-            const Shape shape = placed(objects_[k]);
-            const TriangleMesh part = surface_nets(shape, kWideSpacing);
-            const int first = static_cast<int>(mesh.vertices.size());
-            mesh.vertices.insert(mesh.vertices.end(), part.vertices.begin(), part.vertices.end());
-            for (const Vec3i& face : part.faces)
-                mesh.faces.push_back({face.x + first, face.y + first, face.z + first});
+            append(surface_nets(placed(objects_[k]), kWideSpacing), mesh);
             owner.resize(mesh.vertices.size(), static_cast<int>(k));
         }
         color(owner, texture, mesh);
@@ -171,7 +160,6 @@ private:
         Shape all;
         all.distance = [this](Vec3f p) { return distance(p); };
         const std::vector<Vec3f> normals = vertex_normals(mesh);
-        const Vec3f to_light = normalize(kLight);
         mesh.colors.resize(mesh.vertices.size());
         parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int i) {
             const Vec3f p = mesh.vertices[i], normal = normals[i];
@@ -185,15 +173,7 @@ private:
                 const Object& object = objects_[static_cast<std::size_t>(owner[i])];
                 base = kinds_[object.kind].base_color(object.local(p));
             }
-            const float diffuse = std::max(0.0f, dot(normal, to_light));
-            const float reached =
-                diffuse > 0 ? light_reaching(all, p + 0.02f * normal, to_light) : 0;
-            const float open = openness(all, p, normal, height(p.x, p.y));
-            const float light = 0.75f * diffuse * reached + 0.45f * (0.8f + 0.2f * normal.z) * open;
-            constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};
-            const Vec3f color =
-                light * ((1 - contrast) * kGrey + contrast * textured(base, p, seed_));
-            for (int c = 0; c < 3; ++c) mesh.colors[i][c] = std::min(color[c], 1.0f);
+            mesh.colors[i] = lit(all, p, normal, 0.02f, height(p.x, p.y), base, contrast, seed_);
         });
     }
 

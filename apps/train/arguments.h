@@ -13,7 +13,7 @@ struct TrainArguments {
     Configuration asked;  // defaults < configuration files < environment < command line
     std::string out;      // run folder; not empty
     std::string device = "auto";
-    bool overwrite = false, quiet = false, plan = false, list_keys = false, report = true;
+    bool overwrite = false, plan = false, list_keys = false, report = true;
     SessionOptions session;
     Resume resume;
     std::string command_line;

@@ -27,9 +27,9 @@ const CommandEntry& entry_of(const std::string& name) {
         names.push_back(short_name(entry));
     }
     const std::string near = nearest_name(name, names);
-    throw Error(ExitCode::usage, str("tvsgs ", name, ": unknown command",
-                                     near.empty() ? "" : str("; did you mean ", near, "?"),
-                                     "; `tvsgs help` lists all"));
+    throw usage_error("tvsgs ", name, ": unknown command",
+                      near.empty() ? "" : str("; did you mean ", near, "?"),
+                      "; `tvsgs help` lists all");
 }
 
 /// Replaces this process by a command with the arguments `words`.
@@ -40,10 +40,12 @@ const CommandEntry& entry_of(const std::string& name) {
     arguments.push_back(nullptr);
     execv(program.c_str(), arguments.data());
     if (errno == ENOENT)
-        throw Error(ExitCode::usage, str(program.string(), ": not installed; install the ",
-                                         "package ", entry.package));
+        throw usage_error(program.string(), ": not installed; install the ", "package ",
+                          entry.package);
     throw Error(ExitCode::io, str(program.string(), ": cannot run it: ", std::strerror(errno)));
 }
+
+}  // namespace
 
 int command(int argc, char** argv) {
     CLI::App app{"Photographs in, Gaussian splats and accurate surfaces out.", "tvsgs"};
@@ -57,15 +59,10 @@ int command(int argc, char** argv) {
     if (listed) parse_command_line(app, 2, ask_for_list);
     if (words[0].starts_with("-")) {
         parse_command_line(app, argc, argv);
-        throw Error(ExitCode::usage, "no command given; `tvsgs help` lists all");
+        throw usage_error("no command given; `tvsgs help` lists all");
     }
     if (words[0] == "help") become(entry_of(words[1]), {"--help"});
     become(entry_of(words[0]), {words.begin() + 1, words.end()});
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}

@@ -24,11 +24,7 @@ constexpr int kSeconds = 5;                     // timeout of reads and writes
 std::string make_token() {
     std::random_device random;
     std::string token;
-    for (int i = 0; i < 4; ++i) {
-        char text[9];
-        std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(random()));
-        token += text;
-    }
+    for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", static_cast<unsigned>(random()));
     return token;
 }
 

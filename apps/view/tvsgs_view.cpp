@@ -18,7 +18,6 @@ struct Arguments {
     ViewPageOptions page;
     std::string out;  // empty: serve the page
     int port = 0;
-    bool quiet = false;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -35,42 +34,38 @@ Arguments parse(int argc, char** argv) {
     add_output_flag(app, "-o,--out,--output", a.out,
                     "page to write, .html [none: served to a browser of this machine, also while a "
                     "run trains]");
-    app.add_option("--port", a.port, "port of the server [any free one]")
-        ->check(CLI::Range(1, 65535));
+    add_number(app, "--port", a.port, 1, 65535, "port of the server [any free one]");
     app.add_option("-s,--scene", a.input.scene, "folder of the scene [that of the first run]");
     app.add_option("--gt", a.input.gt,
                    "true surface, mesh or cloud: colours splats and mesh by distance to it [that "
                    "of the evaluation]");
     app.add_option("--crop", a.input.crop, "with --gt: selection volume, as for tvsgs-eval");
-    app.add_option("--megabytes", megabytes,
-                   "page size; view-dependent colour, then small splats are dropped [40]")
-        ->check(in_range(1.0, 2000.0));
-    app.add_option("--max-splats", a.page.max_splats, "keep the N largest splats of each run [all]")
-        ->check(CLI::Range(1, 50000000));
-    app.add_option("--photos", a.page.max_photos, "most photographs on the page [60]")
-        ->check(CLI::Range(0, 10000));
-    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    add_number(app, "--megabytes", megabytes, 1.0, 2000.0,
+               "page size; view-dependent colour, then small splats are dropped [40]");
+    add_number(app, "--max-splats", a.page.max_splats, 1, 50000000,
+               "keep the N largest splats of each run [all]");
+    add_number(app, "--photos", a.page.max_photos, 0, 10000, "most photographs on the page [60]");
+    add_log_flags(app);
     parse_command_line(app, argc, argv);
     if (a.input.runs.size() > kMaxRuns)
-        throw Error(ExitCode::usage, str(a.input.runs.size(), " runs; expected one or two"));
+        throw usage_error(a.input.runs.size(), " runs; expected one or two");
     if (!a.input.crop.empty() && a.input.gt.empty())
-        throw Error(ExitCode::usage, str("--crop ", a.input.crop, ": needs --gt"));
+        throw usage_error("--crop ", a.input.crop, ": needs --gt");
     if (const std::string& last = a.input.runs.back();
         a.out.empty() && std::filesystem::path(last).extension() == ".html")
-        throw Error(ExitCode::usage,
-                    str(last, ": expected a run folder; to write a page, give --out ", last));
+        throw usage_error(last, ": expected a run folder; to write a page, give --out ", last);
     if (a.out.empty() && a.input.runs.size() > 1)
-        throw Error(ExitCode::usage,
-                    "two runs: give --out FILE.html; the server shows one run only");
+        throw usage_error("two runs: give --out FILE.html; the server shows one run only");
     if (!a.out.empty() && a.port > 0)
-        throw Error(ExitCode::usage, "--port and --out exclude each other: a file is not served");
+        throw usage_error("--port and --out exclude each other: a file is not served");
     a.page.max_bytes = static_cast<std::size_t>(megabytes * 1e6);
     return a;
 }
 
+}  // namespace
+
 int command(int argc, char** argv) {
     Arguments a = parse(argc, argv);
-    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
     if (a.out.empty()) {
         serve(a.input, a.page, a.port);
         return 0;
@@ -88,9 +83,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}

@@ -22,7 +22,6 @@ struct Arguments {
     std::string input, output, device = "auto";
     std::vector<double> viewpoint;
     CloudVoteOptions votes;
-    bool quiet = false;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -31,25 +30,22 @@ Arguments parse(int argc, char** argv) {
     app.get_formatter()->column_width(46);
     app.add_option("cloud", a.input, "points or splats (.ply)")->required();
     app.add_option("output", a.output, "cloud to write (.ply)")->required();
-    app.add_option("--k", a.votes.k, "nearest points that vote for each point [30]")
-        ->check(CLI::Range(3, 512));
+    add_number(app, "--k", a.votes.k, 3, 512, "nearest points that vote for each point [30]");
     app.add_option("--radius", a.votes.radius,
                    "largest distance of these points, world units [any]")
         ->check(kPositive);
-    app.add_option("--refine", a.votes.refine,
-                   "rounds in which points move along their normals to the voted surface [0]")
-        ->check(CLI::Range(0, 100));
+    add_number(app, "--refine", a.votes.refine, 0, 100,
+               "rounds in which points move along their normals to the voted surface [0]");
     app.add_flag("--reject", a.votes.reject, "drop points that the votes find off the surface");
     app.add_option("--orient", a.viewpoint,
                    "X,Y,Z: turn normals to this point [along the surface, outwards]")
         ->delimiter(',')
         ->expected(3);
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    add_log_flags(app);
     parse_command_line(app, argc, argv);
     for (const double x : a.viewpoint)
-        if (!std::isfinite(x)) throw Error(ExitCode::usage, "--orient: expected finite numbers");
-    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
+        if (!std::isfinite(x)) throw usage_error("--orient: expected finite numbers");
     return a;
 }
 
@@ -105,6 +101,8 @@ PointCloud voted_cloud(const PointCloud& input, const CloudVotes& votes) {
     return out;
 }
 
+}  // namespace
+
 int command(int argc, char** argv) {
     const Arguments a = parse(argc, argv);
     require_output(a.output, {".ply"}, {});
@@ -124,10 +122,9 @@ int command(int argc, char** argv) {
     for (const Vec3f n : votes.normals) without += dot(n, n) > 0 ? 0 : 1;
     for (const float c : votes.confidences) confidence += c;
     if (without == votes.normals.size())
-        throw Error(ExitCode::numerical,
-                    str(a.input,
-                        ": no point lies on a surface; are all points in one place or on "
-                        "one line, or is --radius too small?"));
+        throw Error(ExitCode::numerical, str(a.input,
+                                             ": no point lies on a surface; are all points in one "
+                                             "place or on one line, or is --radius too small?"));
     if (!a.viewpoint.empty())
         orient_to_viewpoint(
             votes,
@@ -151,9 +148,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}

@@ -90,9 +90,9 @@ TEST_F(EvalTnt, CurvesAndClouds) {
 
 TEST_F(EvalTnt, FlagsWithoutEffectAreRefused) {
     const std::string file = "--tau 0.02 --align-file " + path("Bump/Bump_trans.txt");
-    expect_error(2, "--align-file and --traj exclude each other",
+    expect_error(2, "--traj and --align-file exclude each other",
                  arguments(file + " --traj " + path("Bump/Bump_COLMAP_SfM.log")));
-    expect_error(2, "--align-file and --icp-intended exclude each other",
+    expect_error(2, "--icp-intended and --align-file exclude each other",
                  arguments(file + " --icp-intended"));
     expect_error(2, "--no-icp and --icp-intended exclude each other",
                  arguments("--tau 0.02 --no-icp --icp-intended"));

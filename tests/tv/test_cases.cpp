@@ -37,7 +37,6 @@ TYPED_TEST(TvCases, AgreeWithTheOracle) {
                 if (q.bound > 0) std::printf("  %s %.2g", q.name, q.largest);
             std::printf("  excused %d\n", result.excused);
             for (const std::string& fault : result.faults()) ADD_FAILURE() << fault;
-            EXPECT_TRUE(result.not_stored.empty());
         }
 }
 

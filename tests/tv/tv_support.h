@@ -19,6 +19,14 @@
 
 namespace tvsgs::test {
 
+inline double angle_deg(Vec3f a, Vec3f b) {
+    return tvsgs::angle_deg(vec_cast<double>(a), vec_cast<double>(b));
+}
+/// (lambda_2 - lambda_3) / lambda_1.
+inline double relative_gap(Vec3f eigenvalues) {
+    return eigenvalues.x > 0 ? double(eigenvalues.y - eigenvalues.z) / eigenvalues.x : 0;
+}
+
 struct Cloud {
     std::vector<Vec3f> means, scales;
     std::vector<Quatf> quats;
