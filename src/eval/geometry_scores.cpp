@@ -1,7 +1,6 @@
 #include "eval/geometry_scores.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/error.h"
 #include "core/grouped.h"

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "core/device/parallel.h"
-#include "core/error.h"
 #include "io/files/read_file.h"
 #include "render/photometric/ssim_math.h"
 

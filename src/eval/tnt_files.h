@@ -3,7 +3,6 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "eval/benchmark_files.h"
 #include "eval/tnt_protocol.h"

@@ -68,13 +68,8 @@ async function follow(viewer) {
  */
 async function patiently(promise) {
   let over = !query.has('test') && !query.has('wait'), sum = 0;
-  promise.then(
-      () => {
-        over = true;
-      },
-      () => {
-        over = true;
-      });
+  const end = () => over = true;
+  promise.then(end, end);
   while (!over) {
     for (let i = 0; i < 1e6; ++i) sum += Math.sin(i);
     await new Promise(resolve => setTimeout(resolve, 1));
@@ -92,15 +87,11 @@ async function test(viewer) {
     await new Promise(resolve => {
       viewer.ask = resolve;
       run.cloud.sortedFor = null;
-      if (run.cloud.count === 0)
-        resolve();
-      else
-        renderer.sort(run.cloud, run.about.near, view, true);
+      if (run.cloud.count === 0) resolve();
+      renderer.sort(run.cloud, run.about.near, view, true);
     });
     const pixels = renderer.picture(run, view, size('width'), size('height'), viewer.shown);
-    let text = '';
-    for (const byte of pixels) text += String.fromCharCode(byte);
-    results.push(btoa(text));
+    results.push(btoa(Array.from(pixels, byte => String.fromCharCode(byte)).join('')));
   }
   const unmasked = gl.getExtension('WEBGL_debug_renderer_info');
   return {

@@ -2,6 +2,7 @@
 'use strict';
 
 const element = id => document.getElementById(id);
+const all = selector => document.querySelectorAll(selector);
 const about = JSON.parse(element('about').textContent);
 const query = new URLSearchParams(location.search);
 const touch = matchMedia('(pointer: coarse)').matches;
@@ -18,13 +19,29 @@ const modes = {
   error: {mesh: true, look: 'error', error: true},
   'centre-error': {centres: true, error: true}
 };
+// What this page has nothing for leaves.
+for (const [name, mode] of Object.entries(modes))
+  if ((mode.mesh && !about.runs.some(run => run.mesh)) || (mode.error && !about.truth))
+    document.querySelector(`label:has([value="${name}"])`).remove();
+if (!about.cameras.some(camera => camera.photo))
+  for (const part of all('[data-act=photo], #photograph label')) part.remove();
+
 const modeInput = name => document.querySelector(`input[name=mode][value="${name}"]`);
 const modeLabel = name => modeInput(name).nextElementSibling.textContent;
+
+/** Strokes the path in a colour, on a wider dark line. */
+function strokeTwice(context, width, color, dashes = []) {
+  context.setLineDash(dashes);
+  for (const [w, style] of [[width + 2, 'rgba(0, 0, 0, 0.6)'], [width, color]]) {
+    context.lineWidth = w, context.strokeStyle = style;
+    context.stroke();
+  }
+}
 
 class Viewer {
   constructor(renderer) {
     this.renderer = renderer, this.stage = element('stage'), this.canvas = element('canvas');
-    this.panes = [...document.querySelectorAll('.pane')], this.opacity = element('opacity');
+    this.panes = [...all('.pane')], this.opacity = element('opacity');
     this.mode = 'splats', this.show = {cameras: true, photo: true};
     this.box = null;                           // {low, high}: what lies outside is cut off
     this.measuring = false, this.points = [];  // at most two
@@ -104,12 +121,7 @@ class Viewer {
   }
 
   begin() {
-    this.canvas.hidden = false;
-    for (const poster of document.querySelectorAll('.poster')) poster.hidden = true;
-    for (const id of ['controls', 'fold']) element(id).hidden = false;
-    this.panes.forEach(pane => {
-      pane.hidden = false;
-    });
+    switchPage(true);
     this.fold(narrow());
     this.listen();
     this.makeBox();
@@ -132,6 +144,13 @@ class Viewer {
     button.textContent = folded ? 'Controls' : 'Hide';
   }
 
+  /** Shows a change, and says it. */
+  update(text) {
+    this.state();
+    say(text || this.now());
+    this.ask();
+  }
+
   ask() {
     if (this.asked) return;
     this.asked = true;
@@ -142,17 +161,10 @@ class Viewer {
   adapt(now) {
     const moving = now - this.movedAt < 200, gap = now - (this.lastFrame || now);
     this.lastFrame = now;
-    if (!moving) {
-      this.frames = 0;
-      return 1;
-    }
-    if (++this.frames > 2) {
-      if (gap > 45)
-        this.scale = Math.max(0.35, 0.85 * this.scale);
-      else if (gap < 22)
-        this.scale = Math.min(1, 1.05 * this.scale);
-    }
-    return this.scale;
+    this.frames = moving ? this.frames + 1 : 0;
+    if (this.frames > 2 && gap > 45) this.scale = Math.max(0.35, 0.85 * this.scale);
+    if (this.frames > 2 && gap < 22) this.scale = Math.min(1, 1.05 * this.scale);
+    return moving ? this.scale : 1;
   }
 
   draw(now) {
@@ -205,13 +217,12 @@ class Viewer {
       for (const c of corners) context.moveTo(...at(apex)), context.lineTo(...at(c));
       corners.forEach((c, k) => context[k ? 'lineTo' : 'moveTo'](...at(c)));
       context.closePath();
-      context.setLineDash(camera.test ? [5, 3] : []);
-      context.lineWidth = i === this.selected ? 5 : 3.5;
-      context.strokeStyle = 'rgba(0, 0, 0, 0.6)';
-      context.stroke();
-      context.lineWidth = i === this.selected ? 3 : 1.5;
-      context.strokeStyle = i === this.selected ? '#f0e442' : camera.test ? '#e69f00' : '#56b4e9';
-      context.stroke();
+      strokeTwice(
+          context, i === this.selected ? 3 : 1.5,
+          i === this.selected ? '#f0e442' :
+              camera.test     ? '#e69f00' :
+                                '#56b4e9',
+          camera.test ? [5, 3] : []);
     });
     this.drawTools(context, lens, width, height);
     const camera = about.cameras[this.camera];
@@ -240,13 +251,6 @@ class Viewer {
       const [x, y, z] = projected(this.view, lens, place);
       return z > 0 ? [x / z, y / z] : null;
     };
-    const stroke = (width, color, dashes = []) => {
-      context.setLineDash(dashes);
-      for (const [w, style] of [[width + 2, 'rgba(0, 0, 0, 0.6)'], [width, color]]) {
-        context.lineWidth = w, context.strokeStyle = style;
-        context.stroke();
-      }
-    };
     const line = (a, b) => a && b && (context.moveTo(...a), context.lineTo(...b));
     const ring = (p, r) => p && (context.moveTo(p[0] + r, p[1]), context.arc(...p, r, 0, 7));
     const edges = [], {low, high} = this.box || {},
@@ -256,7 +260,7 @@ class Viewer {
         if (!(bits & axis)) edges.push([side(bits), side(bits | axis)]);
     context.beginPath();
     for (const edge of edges) line(...edge);
-    stroke(1, '#cc79a7');
+    strokeTwice(context, 1, '#cc79a7');
     const places = this.points.map(at);
     context.beginPath();
     for (const p of places) ring(p, 5);
@@ -264,10 +268,10 @@ class Viewer {
     if (this.measuring)
       line([width / 2 - 8, height / 2], [width / 2 + 8, height / 2]),
           line([width / 2, height / 2 - 8], [width / 2, height / 2 + 8]);
-    stroke(2, '#f0e442');
+    strokeTwice(context, 2, '#f0e442');
     context.beginPath();
     if (this.view.chosen) ring(at(this.view.pivot), 7);
-    stroke(1.5, '#fff', [3, 3]);
+    strokeTwice(context, 1.5, '#fff', [3, 3]);
     if (places.length < 2 || !places[0] || !places[1]) return;
     context.font = '600 15px system-ui, sans-serif';
     context.setLineDash([]);
@@ -353,17 +357,13 @@ class Viewer {
   setMode(name) {
     this.mode = name;
     this.view = {...this.view, bounded: false};
-    this.state();
-    say(this.now());
-    this.ask();
+    this.update();
   }
 
   measure() {
     this.measuring = !this.measuring, this.points = [];
     if (this.measuring && narrow()) this.fold(true);
-    say(this.measuring ? `Distance: ${touch ? 'tap' : 'click'} two points.` : this.now());
-    this.state();
-    this.ask();
+    this.update(this.measuring && `Distance: ${touch ? 'tap' : 'click'} two points.`);
   }
 
   /** The box of the meshes and of all but the outermost splats, with a margin. */
@@ -422,9 +422,7 @@ class Viewer {
   cut() {
     this.box = this.box ? null : this.extent();
     this.view = {...this.view, bounded: false};
-    say(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
-    this.state();
-    this.ask();
+    this.update(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
   }
 
   /** Puts text on the clipboard, and into a field to copy by hand. */
@@ -440,10 +438,8 @@ class Viewer {
   }
 
   copyLink() {
-    if (location.protocol === 'about:') {
-      say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
-      return;
-    }
+    if (location.protocol === 'about:')
+      return say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
     const link = this.link();
     try {
       history.replaceState(null, '', link);
@@ -489,11 +485,7 @@ class Viewer {
   }
 
   flyTo(view, done) {
-    if (this.still.matches) {
-      this.move(view, true);
-      done();
-      return;
-    }
+    if (this.still.matches) return this.move(view, true), done();
     this.flight = {from: this.view, to: view, start: performance.now(), done};
     this.ask();
   }
@@ -502,10 +494,7 @@ class Viewer {
     const {from, to, start, done} = this.flight, t = Math.min((now - start) / 500, 1);
     this.movedAt = now;
     this.view = t < 1 ? between(from, to, t * t * (3 - 2 * t)) : to;
-    if (t < 1) {
-      this.ask();
-      return;
-    }
+    if (t < 1) return this.ask();
     this.flight = null;
     done();
   }
@@ -517,9 +506,7 @@ class Viewer {
     this.camera = -1;
     this.flyTo(viewOf(camera, about.scene), () => {
       this.camera = this.selected;
-      this.state();
-      say(this.now());
-      this.ask();
+      this.update();
     });
     this.state();
   }
@@ -527,9 +514,7 @@ class Viewer {
   toggle(name) {
     const reason = name === 'photo' ? this.photoMissing() : '';
     if (!reason) this.show[name] = !this.show[name];
-    this.state();
-    say(reason || `${labels[name]}: ${this.show[name] ? 'shown' : 'hidden'}.`);
-    this.ask();
+    this.update(reason || `${labels[name]}: ${this.show[name] ? 'shown' : 'hidden'}.`);
   }
 
   /** Why there is no photograph to show; empty: there is one. */
@@ -543,10 +528,9 @@ class Viewer {
   state() {
     modeInput(this.mode).checked = true;
     const pressed = {...this.show, measure: this.measuring, cut: this.box !== null};
-    for (const button of document.querySelectorAll('button[aria-pressed]'))
-      button.setAttribute(
-          'aria-pressed', String(pressed[button.dataset.show || button.dataset.act]));
-    const photo = document.querySelector('button[data-show=photo]'), reason = this.photoMissing();
+    for (const button of all('button[aria-pressed]'))
+      button.setAttribute('aria-pressed', String(pressed[button.dataset.act]));
+    const photo = document.querySelector('button[data-act=photo]'), reason = this.photoMissing();
     if (photo) {
       // A disabled button has no focus, and the keys would be lost with it.
       if (reason && document.activeElement === photo) this.canvas.focus({preventScroll: true});
@@ -554,8 +538,8 @@ class Viewer {
       this.opacity.parentElement.hidden = photo.disabled || !this.show.photo;
       element('why').textContent = reason;
     }
-    const scale = element('scale'), mode = modes[this.mode];
-    if (scale) scale.hidden = !mode.error;
+    const mode = modes[this.mode];
+    element('scale').hidden = !mode.error;
     this.panes.forEach((pane, i) => {
       const label = pane.querySelector('span'), run = about.runs[i];
       if (label)
@@ -566,32 +550,18 @@ class Viewer {
     });
     this.stage.classList.toggle('measuring', this.measuring);
     this.stateOfBox();
-    document.querySelectorAll('button[data-camera]').forEach(button => {
-      const on = Number(button.dataset.camera) === this.selected;
-      if (on)
-        button.setAttribute('aria-current', 'true');
-      else
-        button.removeAttribute('aria-current');
-      if (on && this.camera >= 0) {  // scroll only the list; the page stays in place
-        const list = button.closest('ul');
-        list.scrollLeft =
-            button.offsetLeft - list.offsetLeft - 0.5 * (list.clientWidth - button.offsetWidth);
-      }
-    });
+    for (const button of all('button[aria-current]')) button.removeAttribute('aria-current');
+    const chosen = document.querySelector(`button[data-camera="${this.selected}"]`);
+    chosen.setAttribute('aria-current', 'true');
+    if (this.camera < 0) return;
+    const list = chosen.closest('ul');  // scroll only the list; the page stays in place
+    list.scrollLeft =
+        chosen.offsetLeft - list.offsetLeft - 0.5 * (list.clientWidth - chosen.offsetWidth);
   }
 
   listen() {
-    const canvas = this.canvas, up = about.scene.up, step = 0.12;
-    const go = view => this.move(view);
+    const canvas = this.canvas;
     const acts = {
-      left: () => go(turned(this.view, up, step, 0)),
-      right: () => go(turned(this.view, up, -step, 0)),
-      up: () => go(turned(this.view, up, 0, -step)),
-      down: () => go(turned(this.view, up, 0, step)),
-      shiftLeft: () => go(shifted(this.view, -0.06, 0)),
-      shiftRight: () => go(shifted(this.view, 0.06, 0)),
-      shiftUp: () => go(shifted(this.view, 0, -0.06)),
-      shiftDown: () => go(shifted(this.view, 0, 0.06)),
       near: () => this.zoom(1 / 1.15),
       far: () => this.zoom(1.15),
       reset: () => {
@@ -605,10 +575,7 @@ class Viewer {
       after: () => this.goTo(this.selected + 1),
       camera: () => {
         const {width, height} = this.panes[0].getBoundingClientRect();
-        if (this.measuring)
-          this.addPoint(0, width / 2, height / 2);
-        else
-          this.goTo(this.selected);
+        this.measuring ? this.addPoint(0, width / 2, height / 2) : this.goTo(this.selected);
       },
       cameras: () => this.toggle('cameras'),
       photo: () => this.toggle('photo'),
@@ -621,32 +588,16 @@ class Viewer {
       help: () => element('help').showModal(),
       details: () => element('details').showModal()
     };
-    const keys = {
-      ArrowLeft: 'left',
-      ArrowRight: 'right',
-      ArrowUp: 'up',
-      ArrowDown: 'down',
-      '+': 'near',
-      '=': 'near',
-      '-': 'far',
-      0: 'reset',
-      Home: 'reset',
-      '[': 'before',
-      ']': 'after',
-      Enter: 'camera',
-      Escape: 'end',
-      f: 'cameras',
-      p: 'photo',
-      d: 'measure',
-      b: 'cut',
-      i: 'picture',
-      l: 'link',
-      h: 'help',
-      '?': 'help'
-    };
-    for (const input of document.querySelectorAll('input[name=mode]')) {
+    for (const [name, x, y] of [['left', -1, 0], ['right', 1, 0], ['up', 0, -1], ['down', 0, 1]]) {
+      acts[name] = () => this.move(turned(this.view, about.scene.up, -0.12 * x, 0.12 * y));
+      acts['shift' + name] = () => this.move(shifted(this.view, 0.06 * x, 0.06 * y));
+    }
+    const keys = {Enter: 'camera', Escape: 'end'};
+    for (const control of all('[data-keys]'))
+      for (const key of control.dataset.keys.split(' '))
+        keys[key] = control.dataset.act || control.value;
+    for (const input of all('input[name=mode]')) {
       acts[input.value] = () => this.setMode(input.value);
-      keys[input.dataset.key] = input.value;
       input.addEventListener('change', acts[input.value]);
     }
     // Letters also act where a button has the focus.
@@ -655,17 +606,16 @@ class Viewer {
       if (event.ctrlKey || event.metaKey || event.altKey || event.target.id === 'copied') return;
       if (event.target !== canvas && (!single || event.key === ' ')) return;
       const name = keys[single ? event.key.toLowerCase() : event.key];
-      if (!name || (name in labels && !document.querySelector(`button[data-show=${name}]`))) return;
+      if (!name) return;
       event.preventDefault();
-      const shifts = event.shiftKey && event.key.startsWith('Arrow');
-      acts[shifts ? 'shift' + event.key.slice(5) : name]();
+      acts[(event.shiftKey && event.key.startsWith('Arrow') ? 'shift' : '') + name]();
     };
     for (const part of [canvas, element('panel')]) part.addEventListener('keydown', press);
-    for (const button of document.querySelectorAll('button[data-act], button[data-show]'))
-      button.addEventListener('click', () => acts[button.dataset.act || button.dataset.show]());
+    for (const button of all('button[data-act]'))
+      button.addEventListener('click', acts[button.dataset.act]);
     element('fold').addEventListener(
         'click', () => this.fold(!element('panel').classList.contains('folded')));
-    for (const button of document.querySelectorAll('button[data-camera]'))
+    for (const button of all('button[data-camera]'))
       button.addEventListener('click', () => {
         if (narrow()) this.fold(true);
         this.goTo(Number(button.dataset.camera));
@@ -765,20 +715,18 @@ const say = text => {
   if (element('status').textContent !== text) element('status').textContent = text;
 };
 
+/** Shows the view with its controls, or the pictures in its place. */
+function switchPage(works) {
+  for (const part of all('#canvas, #controls, #fold, .pane')) part.hidden = !works;
+  for (const poster of all('.poster')) poster.hidden = works;
+}
+
 function fail(message) {
   say(message);
+  switchPage(false);
   element('panel').classList.remove('folded');
-  document.querySelectorAll('dialog[open]').forEach(dialog => dialog.close());
+  for (const dialog of all('dialog[open]')) dialog.close();
   document.body.classList.add('plain');
   element('status').classList.add('notice');
-  for (const id of ['canvas', 'controls', 'fold']) element(id).hidden = true;
-  document.querySelectorAll('.pane').forEach(pane => {
-    pane.hidden = true;
-  });
-  document.querySelectorAll('.poster').forEach(poster => {
-    poster.hidden = false;
-  });
-  document.querySelectorAll('button[data-camera]').forEach(button => {
-    button.disabled = true;
-  });
+  for (const button of all('button[data-camera]')) button.disabled = true;
 }
