@@ -90,4 +90,7 @@ function(tvsgs_test name)
         set(seconds 3600)  # tests that make scenes take most of it
     endif()
     set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${seconds})
+    if(name IN_LIST TVSGS_LONG_TESTS)
+        set_tests_properties(${name} PROPERTIES COST 10)
+    endif()
 endfunction()
