@@ -230,7 +230,7 @@ TEST_F(BadEnds, AShortenedScheduleEndsNearItsBestAndMoreGivesNoLess) {
               0);
     constexpr double kSlack = 0.5;  // dB
     double before = 14;             // of the shortest run
-    for (const int iterations : {50, 491, 1200, 1700}) {
+    for (const int iterations : {50, 491, 1200, 1400}) {
         SCOPED_TRACE(iterations);
         fs::remove_all(folder_ / "short");
         const Result r =

@@ -168,7 +168,7 @@ TEST_F(Memory, WhenTheHostHasNoMoreTheRunEndsWithItsCheckpoint) {
         "--checkpoint-every 3 --set densify.every=3 --set densify.min_opacity=0 --set "
         "densify.trim_min_views=0 --out ended";
     const Result r =
-        shell("ulimit -v 400000; OMP_NUM_THREADS=1 timeout 120 " TVSGS_BIN_DIR "/tvsgs-train " +
+        shell("ulimit -v 250000; OMP_NUM_THREADS=1 timeout 120 " TVSGS_BIN_DIR "/tvsgs-train " +
               arguments + " >out.txt 2>err.txt");
     EXPECT_EQ(r.code, 4) << r;
     EXPECT_TRUE(r.says("out of memory: ")) << r;
