@@ -8,37 +8,37 @@ using nlohmann::json;
 
 TEST_F(Bench, AgreesWithTheOracleOnFreshCases) {
     if (const std::string why = no_oracle(); !why.empty()) GTEST_SKIP() << why;
-    expect_agreement("few", "--shape sphere --n 50 --k 100 --seed 11");  // fewer than 2k
-    expect_agreement("smallest_k", "--shape planes --n 150 --k 4 --seed 12");
-    expect_agreement("sphere", "--shape sphere --n 150 --k 33 --seed 13 --mode per_splat");
-    expect_agreement("cluster", "--shape cluster --n 200 --k 50 --seed 14 --vote-map unit");
-    expect_agreement("limit", "--shape planes --n 250 --k 100 --seed 15 --flatness-limit 1");
-    expect_agreement("plain", "--shape sphere --n 200 --k 16 --seed 16 --no-whiten");
+    std::vector<Case> cases = {
+        {"few", "--shape sphere --n 50 --k 100 --seed 11"},  // fewer than 2k
+        {"smallest_k", "--shape planes --n 150 --k 4 --seed 12"},
+        {"sphere", "--shape sphere --n 150 --k 33 --seed 13 --mode per_splat"},
+        {"cluster", "--shape cluster --n 200 --k 50 --seed 14 --vote-map unit"},
+        {"limit", "--shape planes --n 250 --k 100 --seed 15 --flatness-limit 1"},
+        {"plain", "--shape sphere --n 200 --k 16 --seed 16 --no-whiten"}};
     for (const std::string rules :
          {"",
           " --vote-map unit --flatness-limit 1 --flatness-limit-position 1 --curvature scale_free"})
         for (const std::string shape : {"sphere --spacings 0.1", "sphere --spacings 3", "needles",
                                         "planes --shift 1e5", "cluster --shift 1e5"})
-            expect_agreement(shape, "--n 120 --seed 17 --shape " + shape + rules);
+            cases.push_back({shape, "--n 120 --seed 17 --shape " + shape + rules});
+    expect_agreement(cases);
 }
 
 TEST_F(Bench, TheOracleRepeatsItsStoredCases) {
     if (const std::string why = no_oracle(); !why.empty()) GTEST_SKIP() << why;
-    for (const std::string name : {"planes", "limits", "literal_strength", "median"}) {
-        const fs::path out = folder_ / "oracle.txt";
-        ASSERT_EQ(shell(find_python() + " '" + oracle() + "' '" +
-                        test_data("tensor_voting/cases/") + name + ".npz' >'" + out.string() + "'"),
-                  0);
-        std::ifstream lines(out);
-        int quantities = 0;
-        for (std::string line; std::getline(lines, line); ++quantities) {
-            EXPECT_LT(std::stod(line.substr(line.find_last_of(' '))), 1e-6) << name << ": " << line;
-            // Splats without a defined normal, of 220.
-            EXPECT_LE(std::stoi(line.substr(line.find("left out ") + 9)), 5)
-                << name << ": " << line;
-        }
-        EXPECT_EQ(quantities, 20);
+    const fs::path out = folder_ / "oracle.txt";
+    std::vector<std::string> cases;
+    for (const std::string name : {"planes", "limits", "literal_strength", "median"})
+        cases.push_back("'" + test_data("tensor_voting/cases/") + name + ".npz'");
+    ASSERT_EQ(run_oracle(cases, ">'" + out.string() + "'"), 0);
+    std::ifstream lines(out);
+    int quantities = 0;
+    for (std::string line; std::getline(lines, line); ++quantities) {
+        EXPECT_LT(std::stod(line.substr(line.find_last_of(' '))), 1e-6) << line;
+        // Splats without a defined normal, of 220.
+        EXPECT_LE(std::stoi(line.substr(line.find("left out ") + 9)), 5) << line;
     }
+    EXPECT_EQ(quantities, 4 * 20);
 }
 
 TEST_F(Bench, SaysWhatItCannotUse) {

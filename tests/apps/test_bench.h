@@ -76,29 +76,45 @@ protected:
     }
     static std::string oracle() { return test_data("tensor_voting/tensor_voting.py"); }
 
-    /// Makes the oracle write a case; returns its path.
-    static std::string make_case(const std::string& name, const std::string& flags) {
-        const std::string path = (folder_ / (name + ".npz")).string();
-        EXPECT_EQ(shell("OMP_NUM_THREADS=1 " + find_python() + " '" + oracle() + "' --make '" +
-                        path + "' " + flags),
-                  0)
-            << flags;
-        return path;
+    /// Runs the oracle once for each line of arguments, in one process: Python's imports take
+    /// longer than a small case.
+    static int run_oracle(const std::vector<std::string>& lines, const std::string& more = "") {
+        const fs::path list = folder_ / "oracle_arguments.txt";
+        {
+            std::ofstream out(list);
+            for (const std::string& line : lines) out << line << '\n';
+        }
+        return shell("OMP_NUM_THREADS=1 " + find_python() +
+                     " -c 'import runpy, shlex, sys\n"
+                     "oracle, lines = sys.argv[1:]\n"
+                     "for line in open(lines):\n"
+                     "    sys.argv = [oracle] + shlex.split(line)\n"
+                     "    runpy.run_path(oracle, run_name=\"__main__\")' '" +
+                     oracle() + "' '" + list.string() + "' " + more);
     }
 
+    struct Case {
+        std::string name, flags;  // what it tests, what the oracle makes it of
+    };
     /// Requires agreement within the bounds, in both precisions on all devices.
-    static void expect_agreement(const std::string& name, const std::string& flags) {
-        const std::string path = make_case(name, flags);
-        for (const std::string& device : devices())
-            for (const std::string precision : {"single", "double"}) {
-                const std::string how = device + " --set tv.precision=" + precision;
-                SCOPED_TRACE(name + ": " + flags + " on " + how);
-                const Result r = vote("--case '" + path + "' --device " + how);
-                ASSERT_EQ(r.code, 0) << r.err;
-                ASSERT_EQ(r.lines.size(), 1u);
-                std::printf("%-12s excused %s\n", name.c_str(),
-                            r.lines[0].at("excused").dump().c_str());
-            }
+    static void expect_agreement(const std::vector<Case>& cases) {
+        const auto file = [](std::size_t i) {
+            return "'" + (folder_ / ("case_" + std::to_string(i) + ".npz")).string() + "'";
+        };
+        std::vector<std::string> lines;
+        for (const Case& c : cases) lines.push_back("--make " + file(lines.size()) + " " + c.flags);
+        ASSERT_EQ(run_oracle(lines), 0);
+        for (std::size_t i = 0; i < cases.size(); ++i)
+            for (const std::string& device : devices())
+                for (const std::string precision : {"single", "double"}) {
+                    const std::string how = device + " --set tv.precision=" + precision;
+                    SCOPED_TRACE(cases[i].name + ": " + cases[i].flags + " on " + how);
+                    const Result r = vote("--case " + file(i) + " --device " + how);
+                    ASSERT_EQ(r.code, 0) << r.err;
+                    ASSERT_EQ(r.lines.size(), 1u);
+                    std::printf("%-12s excused %s\n", cases[i].name.c_str(),
+                                r.lines[0].at("excused").dump().c_str());
+                }
     }
 
     static inline fs::path folder_;

@@ -177,9 +177,10 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
             extract("--mesh-resolution 120 --truncation 0.25 --texture-format png", out);
         ASSERT_EQ(mesh.code, 0) << mesh;
         EXPECT_EQ(mesh.says("\nTexture "), out != "same.ply") << mesh;
-        const Result score =
-            run_tool(folder_, "eval",
-                     "geometry --quiet --tau 0.01,0.1 --gt scene/gt/points.ply --pred " + out);
+        const Result score = run_tool(folder_, "eval",
+                                      "geometry --quiet --point-samples 50000 --tau 0.01,0.1 --gt "
+                                      "scene/gt/points.ply --pred " +
+                                          out);
         ASSERT_EQ(score.code, 0) << score;
         const std::string all = score.out.substr(0, score.out.find("\"inputs\""));
         if (expected.empty()) expected = all;

@@ -181,7 +181,8 @@ TEST_F(ViewServer, APortHasOneServer) {
 TEST_F(ViewServer, ABrowserFollowsIt) {
     if (chromium().empty()) GTEST_SKIP() << "no chromium here";
     write_snapshot(1234);
-    const std::string html = document_in_browser(folder_, url_ + "&wait=1");
+    const std::string html = document_in_browser(
+        folder_, url_ + "&wait=1", "--virtual-time-budget=10000");  // it asks once a second
     EXPECT_NE(text_of(html, "training").find("iteration 1,234 of 4,000, 200 splats"),
               std::string::npos)
         << text_of(html, "training") << text_of(html, "status");

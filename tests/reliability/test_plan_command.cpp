@@ -194,20 +194,24 @@ TEST_F(PlanCommand, IsKeptWithTheRunWhichItsConfigurationRepeats) {
 }
 
 TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
-    const auto decided = [&](const std::string& flags, const std::string& line) {
-        const Result made =
-            call("synth", "--overwrite --out made --shape torus --width 96 --height 72 " + flags);
-        EXPECT_EQ(made.code, 0) << made;
+    const auto planned = [&](const std::string& flags, const std::string& line) {
         const std::string plan =
-            call("train",
-                 "--scene made --eval --device cpu --plan --quiet --force --set "
-                 "init.min_points=0")
+            call(
+                "train",
+                "--scene made --device cpu --plan --quiet --force --set init.min_points=0 --eval " +
+                    flags)
                 .out;
         const std::size_t at = plan.find("\n" + line);
         EXPECT_NE(at, std::string::npos) << line << " is not in\n" << plan;
         std::string choice;
         std::istringstream(plan.substr(at + 1 + line.size())) >> choice;
         return choice;
+    };
+    const auto decided = [&](const std::string& flags, const std::string& line) {
+        const Result made =
+            call("synth", "--overwrite --out made --shape torus --width 96 --height 72 " + flags);
+        EXPECT_EQ(made.code, 0) << made;
+        return planned("", line);
     };
     EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.1", "exposure"), "no");  // correction
     EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.4", "exposure"), "fitted");
@@ -221,8 +225,9 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
         << "33 degrees";
     EXPECT_EQ(decided("--views 6 --arc 240 --elevation-span 0", "multi-view"), "off")
         << "40 degrees";
-    EXPECT_EQ(decided("--views 45 --arc 200 --width 48", "preset"), "few") << "39 train";
-    EXPECT_EQ(decided("--views 46 --arc 200 --width 48", "preset"), "many") << "40 train";
+    EXPECT_EQ(decided("--views 46 --arc 200 --width 48 --height 36", "preset"), "many")
+        << "40 train";
+    EXPECT_EQ(planned("--test-every 7", "preset"), "few") << "39 train";
 }
 
 TEST_F(PlanCommand, RefinedPosesGoWithTheRun) {

@@ -168,7 +168,7 @@ protected:
         fs::create_directories(folder_);
         ASSERT_EQ(call("tvsgs-synth --out scene --views 10 --width 64 --height 48 --quiet"), 0);
         ASSERT_EQ(call(std::string("tvsgs-train --out run --eval-every 10 --gt scene/gt/mesh.ply "
-                                   "--crop scene/gt/info.json ") +
+                                   "--crop scene/gt/info.json --set eval.point_samples=50000 ") +
                        kFlags),
                   0)
             << contents(folder_ / "err.txt");
