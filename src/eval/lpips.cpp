@@ -11,8 +11,8 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
-#include "io/files/read_file.h"
 #include "io/files/npz.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {
