@@ -201,7 +201,7 @@ private:
 };
 #else
 /// Templates also compile for the host, which never calls them.
-struct CudaWarp : SerialWarp {
+struct IdleWarp : SerialWarp {
     static constexpr int kLanes = 32;
     template <class Real>
     using Lane = Real;
@@ -210,6 +210,7 @@ struct CudaWarp : SerialWarp {
     template <class T>
     static void sums_to_half_lanes(T (&)[32], T (&)[2]) {}
 };
+using CudaWarp = IdleWarp;
 #endif
 
 namespace detail {
