@@ -4,6 +4,15 @@
 #include "tv/internal/voting_impl.h"
 #include "tv/tv_support.h"
 
+#if defined(TVSGS_WITH_CUDA)
+namespace tvsgs {
+extern template void find_neighbours(const NeighbourQuery&,
+                                     NeighbourScratch<Cuda>&,
+                                     Neighbours<Cuda>&,
+                                     const StageDone&);  // kernels are in voting.cu
+}  // namespace tvsgs
+#endif
+
 namespace tvsgs::test {
 namespace {
 
