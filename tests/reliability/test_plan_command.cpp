@@ -287,7 +287,7 @@ TEST_F(PlanCommand, ChoosesDiscsWhereTheyAreFastAndNobodyMinds) {
     EXPECT_EQ(backbone(true, {"loss.flatten.weight=10"}), "ewa");
     EXPECT_EQ(backbone(true, {"loss.flatten.weight=0", "backbone=surfel"}), kDiscs);
     EXPECT_EQ(backbone(true, {"render.depth=plane"}), "ewa");
-    EXPECT_EQ(backbone(true, {"render.depth=median"}), kDiscs);
+    EXPECT_EQ(backbone(true, {"render.depth=median", "backbone=surfel"}), kDiscs);
 }
 
 TEST_F(PlanCommand, ATimeBudgetFitsTheSchedule) {
