@@ -14,7 +14,7 @@
 #include "pipeline/scene/sky.h"
 #include "plan/figures.h"
 #include "plan/time.h"
-#include "report/run_report.h"
+#include "report/data.h"
 
 namespace tvsgs {
 namespace {

@@ -1,6 +1,7 @@
 #include "eval/geometry_scores.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/grouped.h"

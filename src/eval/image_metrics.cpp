@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/device/parallel.h"
+#include "core/error.h"
 #include "io/files/read_file.h"
 #include "render/photometric/ssim_math.h"
 

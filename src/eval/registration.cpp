@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/device/parallel.h"
+#include "core/error.h"
 #include "core/math/point_tree.h"
 #include "core/math/rng.h"
 #include "eval/mesh_metrics.h"

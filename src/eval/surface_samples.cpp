@@ -18,7 +18,9 @@ constexpr std::int64_t kMaxMisses = 4'000'000;  // gives up after so many lines 
 constexpr std::int64_t kRound = 1 << 16;        // lines between two checks of the error
 
 /// A cell of a grid that divides a box into 2^depth cells per side.
-using Cell = std::array<std::uint32_t, 3>;
+struct Cell {
+    std::array<std::uint32_t, 3> at;
+};
 
 struct Grid {
     Vec3d lower, size;  // of the whole grid
@@ -28,7 +30,7 @@ struct Grid {
     double edge(int axis) const { return size[axis] / std::exp2(depth); }
     Vec3d lower_of(const Cell& cell) const {
         Vec3d p;
-        for (int axis = 0; axis < 3; ++axis) p[axis] = lower[axis] + cell[axis] * edge(axis);
+        for (int axis = 0; axis < 3; ++axis) p[axis] = lower[axis] + cell.at[axis] * edge(axis);
         return p;
     }
     Vec3d upper_of(const Cell& cell) const {
@@ -41,7 +43,7 @@ struct Grid {
         const double last = std::exp2(depth) - 1;
         for (int axis = 0; axis < 3; ++axis) {
             const double place = std::floor((p[axis] - lower[axis]) / edge(axis));
-            if (std::clamp(place, 0.0, last) != cell[axis]) return false;
+            if (std::clamp(place, 0.0, last) != cell.at[axis]) return false;
         }
         return true;
     }
@@ -92,7 +94,7 @@ Grid choose_grid(const TriangleTree& tree, PointBounds box) {
         box.lower[axis] -= kBefore * longest;
         size[axis] += (kBefore + kAfter) * longest;
     }
-    Grid grid{box.lower, size, 0, {{0, 0, 0}}};
+    Grid grid{box.lower, size, 0, {{{0, 0, 0}}}};
     Grid best = grid;
     while (grid.depth < kMaxDepth && grid.cells.size() <= kMaxCells) {
         Grid finer{grid.lower, grid.size, grid.depth + 1, {}};
@@ -100,7 +102,7 @@ Grid choose_grid(const TriangleTree& tree, PointBounds box) {
             for (std::uint32_t child = 0; child < 8; ++child) {
                 Cell part;
                 for (std::size_t axis = 0; axis < 3; ++axis)
-                    part[axis] = 2 * cell[axis] + (child >> axis & 1);
+                    part.at[axis] = 2 * cell.at[axis] + (child >> axis & 1);
                 if (tree.meets(finer.lower_of(part), finer.upper_of(part)))
                     finer.cells.push_back(part);
             }
@@ -117,8 +119,8 @@ double fraction(std::uint32_t bits) {
 /// Draws a line uniformly among the lines that meet the cell: uniform over its sides, and in the
 /// cosine of the angle to them.
 Line line_through(const Grid& grid, const Cell& cell, std::uint64_t seed, std::uint64_t index) {
-    const std::uint64_t key =
-        (std::uint64_t(cell[0]) << 42) ^ (std::uint64_t(cell[1]) << 21) ^ std::uint64_t(cell[2]);
+    const std::uint64_t key = (std::uint64_t(cell.at[0]) << 42) ^
+                              (std::uint64_t(cell.at[1]) << 21) ^ std::uint64_t(cell.at[2]);
     // One random stream per cell, from the seed and the cell's place.
     const std::uint64_t of_cell = seed ^ key * 0x9E3779B97F4A7C15ull;
     const Random4 first = random4(of_cell, RandomStream::lines, index, 0),
@@ -139,18 +141,13 @@ Line line_through(const Grid& grid, const Cell& cell, std::uint64_t seed, std::u
     return {point, direction};
 }
 
-}  // namespace
+/// The number of draws of each size, in points.
+using DrawSizes = std::map<std::size_t, std::size_t>;
 
 /// Draws of m of n points each add (k - share * m)^2 / n^2 to the variance of a share, if k of the
 /// m count. For a share up to 1/2 the sum is largest if all points of the largest draws count; a
 /// share above 1/2 has the error of the rest.
-double worst_standard_error(const SamplePoints& sample) {
-    std::map<std::size_t, std::size_t> sizes;  // the number of draws of each size, in points
-    for (std::size_t d = 0; d < sample.draws.size(); ++d) {
-        const std::size_t end =
-            d + 1 < sample.draws.size() ? sample.draws[d + 1] : sample.points.size();
-        ++sizes[end - sample.draws[d]];
-    }
+double worst_standard_error(const DrawSizes& sizes) {
     double points = 0, squares = 0;
     for (const auto& [size, draws] : sizes) {
         const double m = static_cast<double>(size), n = static_cast<double>(draws) * m;
@@ -173,6 +170,18 @@ double worst_standard_error(const SamplePoints& sample) {
     return points > 0 ? std::sqrt(worst) / points : 0;
 }
 
+}  // namespace
+
+double worst_standard_error(const SamplePoints& sample) {
+    DrawSizes sizes;
+    for (std::size_t d = 0; d < sample.draws.size(); ++d) {
+        const std::size_t end =
+            d + 1 < sample.draws.size() ? sample.draws[d + 1] : sample.points.size();
+        ++sizes[end - sample.draws[d]];
+    }
+    return worst_standard_error(sizes);
+}
+
 SamplePoints sample_by_lines(const TriangleTree& tree,
                              const Crop& crop,
                              Vec3d origin,
@@ -191,6 +200,7 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
     const std::int64_t per_cell = (kRound + cells - 1) / cells;
     constexpr std::int64_t kChunk = 256;  // lines per thread
     std::int64_t lines = 0;
+    DrawSizes sizes;
     for (std::int64_t round = 0; lines < kMaxLines; ++round) {
         const std::int64_t count = cells * per_cell;
         std::vector<Points> cuts((count + kChunk - 1) / kChunk);
@@ -212,13 +222,15 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
         lines += count;
         for (std::size_t chunk = 0; chunk < cuts.size(); ++chunk) {
             const std::size_t before = sample.points.size();
-            for (const std::uint32_t begin : begins[chunk])
-                sample.draws.push_back(static_cast<std::uint32_t>(before + begin));
+            begins[chunk].push_back(static_cast<std::uint32_t>(cuts[chunk].size()));
+            for (std::size_t d = 0; d + 1 < begins[chunk].size(); ++d) {
+                sample.draws.push_back(static_cast<std::uint32_t>(before + begins[chunk][d]));
+                ++sizes[begins[chunk][d + 1] - begins[chunk][d]];
+            }
             sample.points.insert(sample.points.end(), cuts[chunk].begin(), cuts[chunk].end());
         }
-        if (sample.draws.empty() ? lines >= kMaxMisses
-                                 : worst_standard_error(sample) <= standard_error)
-            break;
+        if (sizes.empty() && lines >= kMaxMisses) break;
+        if (!sizes.empty() && worst_standard_error(sizes) <= standard_error) break;
     }
     // A line that meets a convex body of area A intersects a surface of area S inside it 2 S / A
     // times on average.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "eval/benchmark_files.h"
 #include "eval/tnt_protocol.h"

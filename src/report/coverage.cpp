@@ -57,11 +57,12 @@ Grid look(const Camera& camera, const std::vector<Vec3f>& samples, const Sees& s
         const int x = static_cast<int>(small.fx_px * p.x / p.z + small.cx_px),
                   y = static_cast<int>(small.fy_px * p.y / p.z + small.cy_px);
         cell[i] = y * grid.columns + x, depth[i] = p.z;
-        const int c = cell[i];
+        const auto c = static_cast<std::size_t>(cell[i]);
         if (p.z < nearest[c]) nearest[c] = p.z, grid.front[c] = static_cast<int>(i);
     }
     for (std::size_t i = 0; i < samples.size(); ++i)
-        if (cell[i] >= 0 && depth[i] <= kBehind * nearest[cell[i]]) sees(i);
+        if (cell[i] >= 0 && depth[i] <= kBehind * nearest[static_cast<std::size_t>(cell[i])])
+            sees(i);
     return grid;
 }
 
@@ -94,11 +95,12 @@ public:
             views.items.push_back(view_json(v));
         }
         if (cells == 0) return {};
-        return JsonValue()
-            .add("two", 1 - static_cast<double>(lone) / cells)
-            .add("views", std::move(views))
-            .add("gap", gap_json())
-            .add("test", test_json());
+        JsonValue json = JsonValue::object();
+        json.set("two", 1 - static_cast<double>(lone) / cells);
+        json.set("views", std::move(views));
+        json.set("gap", gap_json());
+        json.set("test", test_json());
+        return json;
     }
 
 private:
@@ -112,16 +114,18 @@ private:
         const std::size_t n = train_.size();
         std::vector<Grid> grids;
         for (std::size_t v = 0; v < n; ++v)
-            grids.push_back(look(train_[v]->camera, samples_,
-                                 [&](std::size_t i) { seen_by_[i].push_back(v); }));
+            grids.push_back(look(train_[v]->camera, samples_, [&](std::size_t i) {
+                seen_by_[i].push_back(static_cast<int>(v));
+            }));
         pairs_.resize(n * n), cells_.resize(n), halves_.resize(n);
         for (std::size_t v = 0; v < n; ++v) {
             const Vec3f centre = camera_centre(train_[v]->camera);
             for (std::size_t c = 0; c < grids[v].front.size(); ++c) {
                 if (grids[v].front[c] < 0) continue;
-                const int i = grids[v].front[c];
+                const auto i = static_cast<std::size_t>(grids[v].front[c]);
                 ++cells_[v];
-                for (const std::size_t other : seen_by_[i]) {
+                for (const int w : seen_by_[i]) {
+                    const auto other = static_cast<std::size_t>(w);
                     if (other == v) continue;
                     ++pair(v, other).shared;
                     pair(v, other).angles +=
@@ -138,19 +142,21 @@ private:
     }
 
     JsonValue view_json(std::size_t v) {
-        JsonValue json;
+        JsonValue json = JsonValue::object();
         const int lone = single_view_cells(v);
-        json.add("name", train_[v]->name);
-        json.add("lone", cells_[v] > 0 ? static_cast<double>(lone) / cells_[v] : 1.0);
+        json.set("name", train_[v]->name);
+        json.set("lone", cells_[v] > 0 ? static_cast<double>(lone) / cells_[v] : 1.0);
         const auto most = std::max_element(halves_[v].begin(), halves_[v].begin() + 4);
         static constexpr std::array<const char*, 4> kSides{"left", "right", "upper", "lower"};
         const auto side = static_cast<std::size_t>(most - halves_[v].begin());
-        json.add("side", lone > 0 && *most >= kOneSide * lone ? kSides[side] : "");
+        json.set("side", lone > 0 && *most >= kOneSide * lone ? kSides[side] : "");
         std::size_t best = v;
         for (std::size_t w = 0; w < train_.size(); ++w)
             if (w != v && (best == v || shared(v, w) > shared(v, best))) best = w;
         if (best == v) return json;
-        return json.add("partner", train_[best]->name).add("shared", shared(v, best));
+        json.set("partner", train_[best]->name);
+        json.set("shared", shared(v, best));
+        return json;
     }
 
     /// The weakest link of Prim's tree by angle. Views that share too little are linked last, by
@@ -182,11 +188,12 @@ private:
                 if (!joined[v] && cost(next, v) < cost(from[v], v)) from[v] = next;
         }
         if (a == b) return {};
-        return JsonValue()
-            .add("a", train_[std::min(a, b)]->name)
-            .add("b", train_[std::max(a, b)]->name)
-            .add("angle_deg", angle(a, b))
-            .add("shared", least(a, b));
+        JsonValue json = JsonValue::object();
+        json.set("a", train_[std::min(a, b)]->name);
+        json.set("b", train_[std::max(a, b)]->name);
+        json.set("angle_deg", angle(a, b));
+        json.set("shared", least(a, b));
+        return json;
     }
 
     JsonValue test_json() const {
@@ -196,7 +203,7 @@ private:
             Vec3d sum;
             int count = 0;
             for (const int i : grid.front)
-                if (i >= 0) sum += vec_cast<double>(samples_[i]), ++count;
+                if (i >= 0) sum += vec_cast<double>(samples_[static_cast<std::size_t>(i)]), ++count;
             if (count == 0) continue;
             const Vec3f middle = vec_cast<float>(sum / count), at = camera_centre(test->camera);
             double best = INFINITY;
@@ -205,19 +212,20 @@ private:
                 if (const double a = angle_deg(middle, at, camera_centre(train->camera)); a < best)
                     best = a, nearest = train;
             if (nearest == nullptr) continue;
-            list.items.push_back(JsonValue()
-                                     .add("name", test->name)
-                                     .add("nearest", nearest->name)
-                                     .add("angle_deg", best));
+            JsonValue json = JsonValue::object();
+            json.set("name", test->name);
+            json.set("nearest", nearest->name);
+            json.set("angle_deg", best);
+            list.items.push_back(std::move(json));
         }
         return list;
     }
 
     std::vector<const ViewCamera*> train_, test_;
     std::vector<Vec3f> samples_;
-    std::vector<std::vector<std::size_t>> seen_by_;  // training views, per sample
-    std::vector<Pair> pairs_;                        // [n n]
-    std::vector<int> cells_;                         // cells with a sample, per training view
+    std::vector<std::vector<int>> seen_by_;  // training views, per sample
+    std::vector<Pair> pairs_;                // [n n]
+    std::vector<int> cells_;                 // cells with a sample, per training view
     // Single-view cells: left, right, upper, lower half, all.
     std::vector<std::array<int, 5>> halves_;
 };

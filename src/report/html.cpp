@@ -5,9 +5,9 @@
 #include <set>
 
 #include "core/error.h"
-#include "core/log.h"
 #include "plan/settings.h"
 #include "report/figures.h"
+#include "report/page.h"
 #include "report/plot.h"
 #include "report/verdict.h"
 
@@ -15,20 +15,6 @@ namespace tvsgs {
 namespace {
 
 constexpr std::size_t kMaxBars = 40;
-
-/// Replaces the picture of the 3D view by the view in an iframe: a document of its own, so that its
-/// keys and styles do not affect the report. Without scripts the picture stays.
-constexpr const char* kOpenViewScript = R"JS(
-const open = document.getElementById('open-view');
-open.addEventListener('click', () => {
-  const frame = document.createElement('iframe'), figure = open.closest('figure');
-  frame.title = 'View in 3D';
-  frame.srcdoc = JSON.parse(document.getElementById('view-page').textContent);
-  figure.querySelector('img').replaceWith(frame);
-  open.remove();
-  frame.focus();
-});
-)JS";
 
 class Page {
 public:
@@ -48,34 +34,22 @@ public:
         views();
         results();
         settings();
-        return fmt::format(
-            R"(<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,">
-<title>{name}: training report</title>
-<style>{plot_style}{page_style}</style>
-</head>
-<body>
-<header>
-<h1>{name}</h1>
-<p class="quiet">{about}</p>
-<nav aria-label="Parts of this report"><ul>{links}</ul></nav>
-</header>
-<main>
-{body}</main>
-<footer>Written by {version} from report.json; nothing is loaded from elsewhere.</footer>
-{script}</body>
-</html>
-)",
-            fmt::arg("policy", kViewPolicy), fmt::arg("name", escaped(report_["run"]["name"].text)),
-            fmt::arg("plot_style", kPlotStyle), fmt::arg("page_style", kPageStyle),
-            fmt::arg("about", escaped(about())), fmt::arg("links", links_), fmt::arg("body", body_),
-            fmt::arg("version", escaped(report_["run"]["version"].text_or("tvsgs"))),
-            fmt::arg("script", view_ ? str("<script>", kOpenViewScript, "</script>\n") : ""));
+        const std::string name = escaped(report_["run"]["name"].text);
+        std::string text =
+            str("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta "
+                "http-equiv=\"Content-Security-Policy\" content=\"",
+                kViewPolicy,
+                "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+                "<link rel=\"icon\" href=\"data:,\">\n<title>",
+                name, ": training report</title>\n<style>", kPlotStyle, kPageStyle,
+                "</style>\n</head>\n<body>\n<header>\n<h1>", name, "</h1>\n<p class=\"quiet\">",
+                escaped(about()), "</p>\n<nav aria-label=\"Parts of this report\"><ul>", links_,
+                "</ul></nav>\n</header>\n<main>\n");
+        text += body_ + "</main>\n<footer>Written by " +
+                escaped(report_["run"]["version"].text_or("tvsgs")) +
+                " from report.json; nothing is loaded from elsewhere.</footer>\n";
+        if (view_) text += str("<script>", kOpenViewScript, "</script>\n");
+        return text + "</body>\n</html>\n";
     }
 
 private:
@@ -86,25 +60,27 @@ private:
         if (!scene["split"].text.empty()) text += ", split " + scene["split"].text;
         if (const double n = scene["num_views"].number_or(0); n > 0)
             text += ", " + short_number(n) + " views";
-        return str(text, ", seed ", short_number(report_["config"]["seed"].number_or(0)), ", on ",
-                   run["device"].text_or("unknown"), ".");
+        text += str(", seed ", short_number(report_["config"]["seed"].number_or(0)), ", on ",
+                    run["device"].text_or("unknown"), ".");
+        return text;
     }
 
     void heading(const std::string& id, const std::string& title) {
-        links_ += fmt::format("<li><a href=\"#{}\">{}</a></li>\n", id, title);
-        body_ += fmt::format("<h2 id=\"{}\">{}</h2>\n", id, title);
+        links_ += str("<li><a href=\"#", id, "\">", title, "</a></li>\n");
+        body_ += str("<h2 id=\"", id, "\">", title, "</h2>\n");
     }
 
     void paragraph(const std::string& text) { body_ += "<p>" + escaped(text) + "</p>\n"; }
 
-    std::string figure(const Plot& plot) { return plot_figure(plot, str("plot", ++plots_)); }
+    std::string figure(const Plot& plot) {
+        return plot_figure(plot, str("plot", ++plots_), "report.json");
+    }
 
-    void plots(const std::string& figures) {
-        body_ += "<div class=\"plots\">\n" + figures + "</div>\n";
+    void fact(std::string& list, const char* name, const std::string& value) {
+        list += str("<div><dt>", name, "</dt><dd>", escaped(value), "</dd></div>\n");
     }
 
     void sentences(const char* title, const std::vector<std::string>& list) {
-        if (list.empty()) return;
         body_ += str("<h3>", title, "</h3>\n<ul>\n");
         for (const std::string& one : list) body_ += "<li>" + escaped(one) + "</li>\n";
         body_ += "</ul>\n";
@@ -119,18 +95,20 @@ private:
         if (!v.level.empty())
             body_ += str("<strong class=\"level\">Quality: ", v.level, ".</strong> ");
         body_ += escaped(v.quality) + "</p>\n";
-        sentences("What limits the quality", v.limits);
-        if (v.limits.empty() && report_["coverage"]) paragraph("No limit was found.");
-        sentences("What to photograph next", v.next);
+        if (!v.limits.empty())
+            sentences("What limits the quality", v.limits);
+        else if (report_["coverage"])
+            paragraph("No limit was found.");
+        if (!v.next.empty()) sentences("What to photograph next", v.next);
         if (!v.left_out.empty()) sentences("Not needed for this scene", {v.left_out});
         std::vector<std::string> missing;
         for (const JsonValue& what : report_["missing"].items) missing.push_back(what.text);
-        sentences("Missing from this report", missing);
+        if (!missing.empty()) sentences("Missing from this report", missing);
     }
 
     /// The plan's decisions, in their order.
     void plan() {
-        Rows rows;
+        std::vector<std::vector<std::string>> rows;
         std::set<std::string> stated;
         for (const JsonValue& d : report_["plan"].items) {
             std::string reason = unstated_parts(d["reason"].text, stated);
@@ -147,24 +125,25 @@ private:
     void overview() {
         const JsonValue& s = report_["summary"];
         std::string list;
-        const auto add = [&](const std::string& name, const JsonValue& value, const char* unit = "",
+        const auto add = [&](const char* name, const JsonValue& value, const char* unit = "",
                              int digits = 4) {
             if (value.is(JsonValue::Kind::number))
-                list += str("<div><dt>", name, "</dt><dd>", short_number(value.number, digits),
-                            unit, "</dd></div>\n");
+                fact(list, name, short_number(value.number, digits) + unit);
         };
         add("Iterations", s["iteration"]);
         add("Training time", s["seconds"], " s");
         add("Splats", s["gaussians"]);
         if (s["peak_bytes"])
-            add("Peak memory", std::round(s["peak_bytes"].number / (1 << 20)), " MiB");
+            fact(list, "Peak memory",
+                 short_number(std::round(s["peak_bytes"].number / (1 << 20))) + " MiB");
         add("PSNR, test views", s["psnr"], " dB");
         add("SSIM, test views", s["ssim"]);
         add("LPIPS, test views", report_["nvs"]["lpips"]);
         for (const char* what : {"mesh", "centres"}) {
-            add(str("Chamfer, ", what), s[what]["chamfer"]);
+            add(str("Chamfer, ", what).c_str(), s[what]["chamfer"]);
             for (const JsonValue& t : s[what]["thresholds"].items)
-                add(str("F1 at ", short_number(t["tau"].number), ", ", what), t["f1"], "", 3);
+                add(str("F1 at ", short_number(t["tau"].number), ", ", what).c_str(), t["f1"], "",
+                    3);
         }
         if (list.empty()) return;
         heading("overview", "Overview");
@@ -172,13 +151,13 @@ private:
     }
 
     void over_time() {
-        std::string figures;
-        const std::vector<Plot> all = plots_over_time(report_["evaluations"]);
-        if (all.empty()) return;
+        const std::vector<Plot> plots = plots_over_time(report_["evaluations"]);
+        if (plots.empty()) return;
         heading("time", "Error against time");
         paragraph("Seconds of training, without evaluations.");
-        for (const Plot& plot : all) figures += figure(plot);
-        plots(figures);
+        body_ += "<div class=\"plots\">\n";
+        for (const Plot& plot : plots) body_ += figure(plot);
+        body_ += "</div>\n";
     }
 
     void losses() {
@@ -186,16 +165,15 @@ private:
         if (reports["iteration"].items.size() < 2) return;
         heading("losses", "Loss");
         const std::vector<double> iterations = numbers(reports["iteration"]);
-        Plot plot{"Terms of the loss", "iterations", "weighted value"};
-        plot.log_y = true;
-        plot.series.push_back({"total", iterations, numbers(reports["loss"])});
+        Plot plot{"Terms of the loss", "iterations", "weighted value", false, true, false, {}, ""};
+        plot.series.push_back({"total", iterations, numbers(reports["loss"]), {}, {}, false});
         for (const auto& [name, values] : reports["terms"].members) {
-            const std::vector<double> term = numbers(values);
-            if (std::any_of(term.begin(), term.end(), [](double v) { return v > 0; }))
-                plot.series.push_back({name, iterations, term});
+            Series term{name, iterations, numbers(values), {}, {}, false};
+            if (std::any_of(term.y.begin(), term.y.end(), [](double v) { return v > 0; }))
+                plot.series.push_back(std::move(term));
         }
         paragraph("Measured on the training view of each reported iteration.");
-        plots(figure(plot));
+        body_ += "<div class=\"plots\">\n" + figure(plot) + "</div>\n";
     }
 
     void sizes() {
@@ -208,86 +186,108 @@ private:
             for (double& v : values) v /= 1 << 20;
             return values;
         };
-        const std::string splats = figure(from_zero(
-            "Splats", "seconds", "count", {{"splats", seconds, numbers(reports["gaussians"])}}));
-        plots(splats + figure(from_zero("Memory", "seconds", "MiB of buffers",
-                                        {{"in use", seconds, mebibytes("bytes")},
-                                         {"peak so far", seconds, mebibytes("peak_bytes")}})));
+        body_ += "<div class=\"plots\">\n";
+        body_ += figure({"Splats",
+                         "seconds",
+                         "count",
+                         false,
+                         false,
+                         true,
+                         {{"splats", seconds, numbers(reports["gaussians"]), {}, {}, false}},
+                         ""});
+        body_ += figure({"Memory",
+                         "seconds",
+                         "MiB of buffers",
+                         false,
+                         false,
+                         true,
+                         {{"in use", seconds, mebibytes("bytes"), {}, {}, false},
+                          {"peak so far", seconds, mebibytes("peak_bytes"), {}, {}, false}},
+                         ""});
+        body_ += "</div>\n";
     }
 
-    static Plot from_zero(const std::string& title,
-                          const char* x,
-                          const char* y,
-                          std::vector<Series> series) {
-        return {title, x, y, std::move(series), false, false, true};
-    }
-
-    std::string bar_figure(Bars bars, const std::string& head) {
-        Rows rows;
-        for (const auto& [name, value] : bars.rows) rows.push_back({name, short_number(value)});
-        const std::string table = fmt::format(
-            "<details><summary>Table: {}</summary>{}</details>", escaped(bars.title),
-            html_table(bars.title, {head, bars.unit.empty() ? "value" : bars.unit}, rows));
-        if (bars.rows.size() > kMaxBars) {
-            std::stable_sort(bars.rows.begin(), bars.rows.end(),
-                             [](const auto& a, const auto& b) { return a.second < b.second; });
-            bars.title += str(", the ", kMaxBars, " lowest of ", bars.rows.size());
-            bars.rows.resize(kMaxBars);
+    std::string bar_figure(const Bars& bars, const std::string& head) {
+        std::vector<std::vector<std::string>> rows;
+        for (std::size_t i = 0; i < bars.names.size(); ++i)
+            rows.push_back({bars.names[i], short_number(bars.values[i])});
+        Bars shown = bars;
+        if (shown.names.size() > kMaxBars) {
+            std::vector<std::size_t> order(bars.names.size());
+            for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+            std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+                return bars.values[a] < bars.values[b];
+            });
+            shown.title += str(", the ", kMaxBars, " lowest of ", order.size());
+            shown.names.clear(), shown.values.clear();
+            for (std::size_t i = 0; i < kMaxBars; ++i)
+                shown.names.push_back(bars.names[order[i]]),
+                    shown.values.push_back(bars.values[order[i]]);
         }
-        return fmt::format("<figure class=\"card\">\n{}{}</figure>\n",
-                           bars_svg(bars, str("plot", ++plots_)), table);
+        return str("<figure class=\"card\">\n", bars_svg(shown, str("plot", ++plots_)),
+                   "<details><summary>Table: ", escaped(bars.title), "</summary>",
+                   html_table(bars.title, {head, bars.unit.empty() ? "value" : bars.unit}, rows),
+                   "</details></figure>\n");
     }
 
     void stages() {
-        Bars bars{"Time per stage", "seconds"};
-        for (const auto& [name, seconds] : report_["stages"].members)
-            bars.rows.emplace_back(name, seconds.number_or(std::nan("")));
-        if (bars.rows.empty()) return;
+        const auto& members = report_["stages"].members;
+        if (members.empty()) return;
         heading("stages", "Time per stage");
-        plots(bar_figure(bars, "stage"));
+        Bars bars{"Time per stage", "seconds", {}, {}};
+        for (const auto& [name, seconds] : members)
+            bars.names.push_back(name), bars.values.push_back(seconds.number_or(std::nan("")));
+        body_ += "<div class=\"plots\">\n" + bar_figure(bars, "stage") + "</div>\n";
     }
 
     void curves() {
-        std::string figures;
+        std::string plots;
         for (const auto& [key, what] : {std::pair("curve", "centres"), {"mesh_curve", "mesh"}}) {
             const JsonValue& curve = report_[key];
             if (curve["tau"].items.size() < 2) continue;
             const std::vector<double> tau = numbers(curve["tau"]);
-            figures +=
-                figure(from_zero(str("Precision and recall of the ", what), "threshold", "share",
-                                 {{"precision", tau, numbers(curve["precision"])},
-                                  {"recall", tau, numbers(curve["recall"])}}));
+            plots += figure({str("Precision and recall of the ", what),
+                             "threshold",
+                             "share",
+                             false,
+                             false,
+                             true,
+                             {{"precision", tau, numbers(curve["precision"]), {}, {}, false},
+                              {"recall", tau, numbers(curve["recall"]), {}, {}, false}},
+                             ""});
         }
-        if (figures.empty()) return;
+        if (plots.empty()) return;
         heading("curves", "Precision and recall");
         paragraph(
             "Precision: share of the splat centres or the mesh within the threshold of the true "
             "surface. Recall: share of the true surface within the threshold of a centre or the "
             "mesh.");
-        plots(figures);
+        body_ += "<div class=\"plots\">\n" + plots + "</div>\n";
     }
 
     void views() {
         const auto& views = report_["views"].items;
         if (views.empty()) return;
         heading("views", "Test views");
-        Bars psnr{"PSNR of each view", "dB"}, ssim{"SSIM of each view", ""};
+        Bars bars{"PSNR of each view", "dB", {}, {}}, ssim{"SSIM of each view", "", {}, {}};
         for (const JsonValue& view : views) {
-            psnr.rows.emplace_back(view["name"].text, view["psnr"].number_or(std::nan("")));
-            ssim.rows.emplace_back(view["name"].text, view["ssim"].number_or(std::nan("")));
+            bars.names.push_back(view["name"].text);
+            bars.values.push_back(view["psnr"].number_or(std::nan("")));
+            ssim.values.push_back(view["ssim"].number_or(std::nan("")));
         }
-        const std::string first = bar_figure(psnr, "view");
-        plots(first + bar_figure(ssim, "view"));
+        ssim.names = bars.names;
+        body_ += "<div class=\"plots\">\n" + bar_figure(bars, "view") + bar_figure(ssim, "view") +
+                 "</div>\n";
         const auto& pictures = report_["pictures"].items;
         if (pictures.size() < views.size())
             paragraph(str("Pictures of ", pictures.size(), " of ", views.size(),
                           " views, lowest PSNR first."));
         for (const JsonValue& view : pictures) {
-            const std::string name = escaped(view["name"].text);
-            body_ += fmt::format(
-                "<section class=\"view\"><h3>{}: {} dB, SSIM {}</h3>\n<div class=\"pictures\">\n",
-                name, short_number(view["psnr"].number_or(std::nan(""))),
-                short_number(view["ssim"].number_or(std::nan("")), 3));
+            const std::string name = view["name"].text;
+            body_ += str("<section class=\"view\"><h3>", escaped(name), ": ",
+                         short_number(view["psnr"].number_or(std::nan(""))), " dB, SSIM ",
+                         short_number(view["ssim"].number_or(std::nan("")), 3),
+                         "</h3>\n<div class=\"pictures\">\n");
             for (const auto& [key, title] : {std::pair("photo", "Photograph"),
                                              {"render", "Render"},
                                              {"difference", "Difference"},
@@ -305,27 +305,24 @@ private:
     void picture(const JsonValue& image, const char* title, const std::string& view) {
         // Accept only data URIs: a file edited by others must not load anything else.
         if (!image || !image["src"].text.starts_with("data:image/")) return;
-        body_ += fmt::format(
-            R"(<figure><img src="{0}" width="{1}" height="{2}" alt="{3} of view {4}">)"
-            "<figcaption>{3}</figcaption></figure>\n",
-            escaped(image["src"].text), image["width"].number, image["height"].number, title, view);
+        body_ +=
+            str("<figure><img src=\"", escaped(image["src"].text), "\" width=\"",
+                image["width"].number, "\" height=\"", image["height"].number, "\" alt=\"", title,
+                " of view ", escaped(view), "\"><figcaption>", title, "</figcaption></figure>\n");
     }
 
     /// The page of tvsgs-view, loaded into an iframe on request.
     void view() {
         if (!view_) return;
         heading("view", "View in 3D");
-        std::string notes;
-        for (const std::string& note : view_->notes) notes += " " + escaped(note);
-        body_ += fmt::format(
-            R"(<figure class="viewer card">
-<img src="{}" alt="The splats from the middle camera">
-<p><button type="button" id="open-view">Open the view in 3D</button></p>
-<figcaption>Splats, mesh, cameras with photographs; colours by error if the true surface is known.{}</figcaption>
-</figure>
-<script type="application/json" id="view-page">{}</script>
-)",
-            view_->poster, notes, json_for_page(JsonValue(view_->html)));
+        body_ += str("<figure class=\"viewer card\">\n<img src=\"", view_->poster,
+                     "\" alt=\"The splats from the middle camera\">\n<p><button type=\"button\" "
+                     "id=\"open-view\">Open the view in 3D</button></p>\n<figcaption>Splats, mesh, "
+                     "cameras with photographs; colours by error if the true surface is known.");
+        for (const std::string& note : view_->notes) body_ += " " + escaped(note);
+        body_ +=
+            str("</figcaption>\n</figure>\n<script type=\"application/json\" id=\"view-page\">",
+                json_for_page(JsonValue(view_->html)), "</script>\n");
     }
 
     /// Numbers from the result files of `tvsgs-eval geometry|dtu|tnt`.
@@ -333,34 +330,37 @@ private:
         const auto& members = report_["results"].members;
         if (members.empty()) return;
         heading("results", "Evaluations");
-        for (const auto& [name, result] : members)
-            body_ += html_table(name, {"quantity", "value"}, flat(result));
+        for (const auto& [name, result] : members) {
+            std::vector<std::vector<std::string>> rows;
+            flatten("", result, rows);
+            body_ += html_table(name, {"quantity", "value"}, rows);
+        }
     }
 
-    static Rows flat(const JsonValue& value, const std::string& prefix = "") {
-        if (value.is(JsonValue::Kind::list) && value.items.size() > 12) return {};  // curves
-        if (value.is(JsonValue::Kind::number)) return {{prefix, short_number(value.number, 6)}};
-        if (value.is(JsonValue::Kind::boolean))
-            return {{prefix, value.number != 0 ? "true" : "false"}};
-        if (value.is(JsonValue::Kind::text)) return {{prefix, value.text}};
-        Rows rows;
-        const auto append = [&](const Rows& more) {
-            rows.insert(rows.end(), more.begin(), more.end());
-        };
+    static void flatten(const std::string& prefix,
+                        const JsonValue& value,
+                        std::vector<std::vector<std::string>>& rows) {
+        if (value.is(JsonValue::Kind::list) && value.items.size() > 12) return;  // curves
         for (const auto& [name, member] : value.members)
-            append(flat(member, prefix.empty() ? name : prefix + "." + name));
+            flatten(prefix.empty() ? name : prefix + "." + name, member, rows);
         for (std::size_t i = 0; i < value.items.size(); ++i)
-            append(flat(value.items[i], str(prefix, "[", i, "]")));
-        return rows;
+            flatten(str(prefix, "[", i, "]"), value.items[i], rows);
+        if (value.is(JsonValue::Kind::number))
+            rows.push_back({prefix, short_number(value.number, 6)});
+        if (value.is(JsonValue::Kind::boolean))
+            rows.push_back({prefix, value.number != 0 ? "true" : "false"});
+        if (value.is(JsonValue::Kind::text)) rows.push_back({prefix, value.text});
     }
 
     void settings() {
         heading("settings", "Settings");
         paragraph("Command: " + report_["run"]["command_line"].text_or("unknown"));
-        body_ += "<details><summary>All keys of the configuration</summary>" +
-                 html_table("The resolved configuration", {"key", "value"}, flat(report_["config"]),
-                            " class=\"words\"") +
-                 "</details>\n";
+        std::vector<std::vector<std::string>> rows;
+        flatten("", report_["config"], rows);
+        body_ +=
+            "<details><summary>All keys of the configuration</summary>" +
+            html_table("The resolved configuration", {"key", "value"}, rows, " class=\"words\"") +
+            "</details>\n";
     }
 
     const JsonValue& report_;

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
-#include <map>
 
 #include "core/error.h"
-#include "core/log.h"
 #include "core/version.h"
 
 namespace tvsgs {
@@ -23,7 +22,9 @@ std::string class_of(std::size_t series) {
 }
 
 std::string fixed(double value) {
-    return fmt::format("{:.1f}", value);
+    char text[32];
+    std::snprintf(text, sizeof text, "%.1f", value);
+    return text;
 }
 
 struct Tick {
@@ -32,8 +33,15 @@ struct Tick {
 };
 
 std::string tick_label(double value) {
-    if (std::abs(value) >= 1e6) return fmt::format("{:g}M", value / 1e6);
-    return std::abs(value) >= 1e4 ? fmt::format("{:g}k", value / 1e3) : fmt::format("{:g}", value);
+    char text[32];
+    const double size = std::abs(value);
+    if (size >= 1e6)
+        std::snprintf(text, sizeof text, "%gM", value / 1e6);
+    else if (size >= 1e4)
+        std::snprintf(text, sizeof text, "%gk", value / 1e3);
+    else
+        std::snprintf(text, sizeof text, "%g", value);
+    return text;
 }
 
 /// About five steps of 1, 2 or 5 times a power of ten.
@@ -90,8 +98,11 @@ struct Axis {
         return log ? std::log(v / low) / std::log(high / low) : (v - low) / (high - low);
     }
     std::vector<Tick> ticks() const {
-        const std::vector<Tick> powers = log ? log_ticks(low, high) : std::vector<Tick>{};
-        return powers.size() > 1 ? powers : linear_ticks(low, high);
+        if (log) {
+            std::vector<Tick> result = log_ticks(low, high);
+            if (result.size() > 1) return result;
+        }
+        return linear_ticks(low, high);
     }
 };
 
@@ -130,22 +141,31 @@ Frame make_frame(const Plot& plot) {
 std::string mark(const std::string& point, std::size_t kind) {
     const std::size_t comma = point.find(',');
     const std::string x = point.substr(0, comma), y = point.substr(comma + 1);
-    if (kind % 4 == 0) return fmt::format(R"(<circle cx="{}" cy="{}" r="3.5"/>)", x, y);
-    static constexpr const char* kShapes[] = {"m-3.5-3.5h7v7h-7z", "m0-4.5l4.5 8h-9z",
-                                              "m0-4.5l4.5 4.5l-4.5 4.5l-4.5-4.5z"};
-    return fmt::format(R"(<path d="M{} {}{}"/>)", x, y, kShapes[kind % 4 - 1]);
+    switch (kind % 4) {
+        case 0:
+            return str("<circle cx=\"", x, "\" cy=\"", y, "\" r=\"3.5\"/>");
+        case 1:
+            return str("<path d=\"M", x, " ", y, "m-3.5-3.5h7v7h-7z\"/>");
+        case 2:
+            return str("<path d=\"M", x, " ", y, "m0-4.5l4.5 8h-9z\"/>");
+        default:
+            return str("<path d=\"M", x, " ", y, "m0-4.5l4.5 4.5l-4.5 4.5l-4.5-4.5z\"/>");
+    }
 }
 
 std::string series_svg(const Series& s, const Frame& frame, std::size_t index) {
-    std::string path, forth, back, marks;
+    std::string line, forth, back, marks;
     std::size_t in_line = 0;
+    std::string path;
     bool pen_down = false;
     for (std::size_t i = 0; i < s.x.size(); ++i) {
-        const bool shown = frame.has(s.x[i], s.y[i]);
-        const char* const pen = std::exchange(pen_down, shown) ? "L" : "M";
-        if (!shown) continue;
+        if (!frame.has(s.x[i], s.y[i])) {
+            pen_down = false;
+            continue;
+        }
         const std::string at = frame.point(s.x[i], s.y[i]);
-        path += pen + at;
+        path += (pen_down ? "L" : "M") + at;
+        pen_down = true;
         ++in_line;
         if (s.marks) marks += mark(at, index);
         if (!s.low.empty() && frame.y.has(s.low[i]) && frame.y.has(s.high[i])) {
@@ -155,9 +175,9 @@ std::string series_svg(const Series& s, const Frame& frame, std::size_t index) {
     }
     if (in_line == 1 && marks.empty())
         marks = mark(path.substr(1), index);  // a line of a single point is invisible
-    if (!forth.empty()) forth = fmt::format(R"(<path class="band" d="{}{}Z"/>)", forth, back);
-    return fmt::format("<g class=\"{}\">{}<path class=\"line\" d=\"{}\"/>{}</g>\n", class_of(index),
-                       forth, path, marks);
+    std::string text = str("<g class=\"", class_of(index), "\">");
+    if (!forth.empty()) text += str("<path class=\"band\" d=\"", forth, back, "Z\"/>");
+    return text + str("<path class=\"line\" d=\"", path, "\"/>", marks, "</g>\n");
 }
 
 /// Shortens to about `longest` characters of UTF-8. Cuts the front, as names differ at their ends.
@@ -178,11 +198,11 @@ std::string legend_svg(const std::vector<Series>& series, double& y) {
         const std::string name = fitting(series[i].name, kLongest);
         const double width = 50 + kCharacter * static_cast<double>(name.size());
         if (x > 8 && x + width > kWidth) x = 8, y += 18;
-        text += fmt::format(R"(<g class="{}"><path class="line" d="M{:.1f} {:.1f}h26"/>{}</g>)"
-                            R"(<text x="{:.1f}" y="{:.1f}">{}</text>)",
-                            class_of(i), x, y - 4,
-                            series[i].marks ? mark(fixed(x + 13) + "," + fixed(y - 4), i) : "",
-                            x + 31, y, escaped(name));
+        text += str("<g class=\"", class_of(i), "\"><path class=\"line\" d=\"M", fixed(x), " ",
+                    fixed(y - 4), "h26\"/>",
+                    series[i].marks ? mark(fixed(x + 13) + "," + fixed(y - 4), i) : "",
+                    "</g><text x=\"", fixed(x + 31), "\" y=\"", fixed(y), "\">", escaped(name),
+                    "</text>");
         x += width;
     }
     y += 18;
@@ -191,11 +211,12 @@ std::string legend_svg(const std::vector<Series>& series, double& y) {
 
 std::string summary(const Plot& plot) {
     std::string text = plot.note;
-    for (const Series& s : plot.series)
-        if (!s.x.empty())
-            text += str(text.empty() ? "" : " ", s.name, ": ", short_number(s.y.front()), " at ",
-                        short_number(s.x.front()), ", ", short_number(s.y.back()), " at ",
-                        short_number(s.x.back()), ".");
+    for (const Series& s : plot.series) {
+        if (s.x.empty()) continue;
+        text += str(text.empty() ? "" : " ", s.name, ": ", short_number(s.y.front()), " at ",
+                    short_number(s.x.front()), ", ", short_number(s.y.back()), " at ",
+                    short_number(s.x.back()), ".");
+    }
     return text;
 }
 
@@ -203,13 +224,10 @@ std::string svg_head(double height,
                      const std::string& id,
                      const std::string& title,
                      const std::string& description) {
-    return fmt::format(
-        R"(<svg xmlns="http://www.w3.org/2000/svg" class="plot" viewBox="0 0 {0} {1:.1f}" role="img" )"
-        R"(aria-labelledby="{2}-t {2}-d">
-<title id="{2}-t">{3}</title>
-<desc id="{2}-d">{4}</desc>
-)",
-        kWidth, height, id, escaped(title), escaped(description));
+    return str("<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" viewBox=\"0 0 ", kWidth,
+               " ", fixed(height), "\" role=\"img\" aria-labelledby=\"", id, "-t ", id,
+               "-d\">\n<title id=\"", id, "-t\">", escaped(title), "</title>\n<desc id=\"", id,
+               "-d\">", escaped(description), "</desc>\n");
 }
 
 }  // namespace
@@ -218,55 +236,55 @@ const char* const kPlotStyle = R"(
 .plot{--bg:#fff;--fg:#1b1b1b;--soft:#5a5a5a;--grid:#dcdcdc;
 --c0:#0072b2;--c1:#d55e00;--c2:#00805e;--c3:#a8467f;--c4:#8a6100;--c5:#3f7fae;--c6:#444;
 background:var(--bg);font:13px system-ui,-apple-system,"Segoe UI",sans-serif;fill:var(--fg)}
-@media screen and (prefers-color-scheme:dark){.plot{--bg:#16191d;--fg:#e8e8e8;--soft:#aab0b8;--grid:#363c44;
+@media (prefers-color-scheme:dark){.plot{--bg:#16191d;--fg:#e8e8e8;--soft:#aab0b8;--grid:#363c44;
 --c0:#56b4e9;--c1:#f0883a;--c2:#2fc79a;--c3:#e29cc8;--c4:#f0c04a;--c5:#9fc8ff;--c6:#cfcfcf}}
-@media print{.plot{--fg:#000;--soft:#333;--grid:#ccc}}
-.plot .title{font-size:15px;font-weight:600}.plot .soft{fill:var(--soft)}.plot .bar{fill:var(--c0)}
-.plot .grid{stroke:var(--grid);fill:none}.plot .axis{stroke:var(--soft);fill:none}.plot .band{stroke:none;opacity:.2}
+@media print{.plot{--bg:#fff;--fg:#000;--soft:#333;--grid:#ccc;
+--c0:#0072b2;--c1:#d55e00;--c2:#00805e;--c3:#a8467f;--c4:#8a6100;--c5:#3f7fae;--c6:#444}}
+.plot .title{font-size:15px;font-weight:600}.plot .soft{fill:var(--soft)}
+.plot .grid{stroke:var(--grid);fill:none}.plot .axis{stroke:var(--soft);fill:none}
 .plot .line{fill:none;stroke-width:2;stroke-linejoin:round}
-.plot .s0{stroke:var(--c0);fill:var(--c0)}
-.plot .s1{stroke:var(--c1);fill:var(--c1)}.plot .s1 .line{stroke-dasharray:7 3}
-.plot .s2{stroke:var(--c2);fill:var(--c2)}.plot .s2 .line{stroke-dasharray:2 3}
-.plot .s3{stroke:var(--c3);fill:var(--c3)}.plot .s3 .line{stroke-dasharray:9 3 2 3}
-.plot .s4{stroke:var(--c4);fill:var(--c4)}.plot .s4 .line{stroke-dasharray:12 4}
-.plot .s5{stroke:var(--c5);fill:var(--c5)}.plot .s5 .line{stroke-dasharray:4 2}
-.plot .s6{stroke:var(--c6);fill:var(--c6)}.plot .s6 .line{stroke-dasharray:1 2}
+.plot .band{stroke:none;opacity:.2}
+.plot .s0{stroke:var(--c0);fill:var(--c0)}.plot .s1{stroke:var(--c1);fill:var(--c1)}
+.plot .s2{stroke:var(--c2);fill:var(--c2)}.plot .s3{stroke:var(--c3);fill:var(--c3)}
+.plot .s4{stroke:var(--c4);fill:var(--c4)}.plot .s5{stroke:var(--c5);fill:var(--c5)}
+.plot .s6{stroke:var(--c6);fill:var(--c6)}
+.plot .s1 .line{stroke-dasharray:7 3}.plot .s2 .line{stroke-dasharray:2 3}
+.plot .s3 .line{stroke-dasharray:9 3 2 3}.plot .s4 .line{stroke-dasharray:12 4}
+.plot .s5 .line{stroke-dasharray:4 2}.plot .s6 .line{stroke-dasharray:1 2}
 .plot .again .line{stroke-dasharray:14 3 3 3 3 3}
+.plot .bar{fill:var(--c0)}
 )";
 
 std::string plot_svg(const Plot& plot, const std::string& id) {
     const Frame frame = make_frame(plot);
     double below = kTop + kPlotHeight + kBottom + 14;
-    const std::string legend = legend_svg(plot.series, below);
+    std::string legend = legend_svg(plot.series, below);
     const double height = legend.empty() ? kTop + kPlotHeight + kBottom : below - 8;
     std::string text = svg_head(height, id, plot.title, summary(plot));
-    text +=
-        fmt::format(R"(<text class="title" x="8" y="20">{}</text>
-<text class="soft" x="8" y="43">{}{}</text>
-)",
-                    escaped(plot.title), escaped(plot.y_label), frame.y.log ? ", logarithmic" : "");
+    text += str("<text class=\"title\" x=\"8\" y=\"20\">", escaped(plot.title),
+                "</text>\n<text class=\"soft\" x=\"8\" y=\"43\">", escaped(plot.y_label),
+                frame.y.log ? ", logarithmic" : "", "</text>\n");
     const double right = kWidth - kRight, bottom = kTop + kPlotHeight;
-    for (const Tick& tick : frame.y.ticks())
-        text += fmt::format(R"(<path class="grid" d="M{0} {1:.1f}H{2}"/>)"
-                            R"(<text x="{3}" y="{1:.1f}" dy="4" text-anchor="end">{4}</text>)"
-                            "\n",
-                            kLeft, kTop + kPlotHeight * (1 - frame.y.share(tick.value)), right,
-                            kLeft - 6, tick.label);
+    for (const Tick& tick : frame.y.ticks()) {
+        const std::string at = fixed(kTop + kPlotHeight * (1 - frame.y.share(tick.value)));
+        text += str("<path class=\"grid\" d=\"M", kLeft, " ", at, "H", right, "\"/><text x=\"",
+                    kLeft - 6, "\" y=\"", at, "\" dy=\"4\" text-anchor=\"end\">", tick.label,
+                    "</text>\n");
+    }
     double free_from = 0;  // where the next label of the x axis may begin without overlap
     for (const Tick& tick : frame.x.ticks()) {
         const double x = kLeft + (right - kLeft) * frame.x.share(tick.value);
         const double half = 0.5 * kCharacter * static_cast<double>(tick.label.size());
-        text += fmt::format(R"(<path class="grid" d="M{:.1f} {}V{}"/>)", x, kTop, bottom);
+        text += str("<path class=\"grid\" d=\"M", fixed(x), " ", kTop, "V", bottom, "\"/>");
         if (x - half < free_from || x + half > kWidth) continue;
         free_from = x + half + 6;
-        text += fmt::format("<text x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n", x,
-                            bottom + 17, tick.label);
+        text += str("<text x=\"", fixed(x), "\" y=\"", bottom + 17, "\" text-anchor=\"middle\">",
+                    tick.label, "</text>\n");
     }
-    text += fmt::format(R"(<path class="axis" d="M{0} {1}V{2}H{3}"/>
-<text class="soft" x="{3}" y="{4}" text-anchor="end">{5}{6}</text>
-)",
-                        kLeft, kTop, bottom, right, bottom + 36, escaped(plot.x_label),
-                        frame.x.log ? ", logarithmic" : "");
+    text += str("<path class=\"axis\" d=\"M", kLeft, " ", kTop, "V", bottom, "H", right,
+                "\"/>\n<text class=\"soft\" x=\"", right, "\" y=\"", bottom + 36,
+                "\" text-anchor=\"end\">", escaped(plot.x_label),
+                frame.x.log ? ", logarithmic" : "", "</text>\n");
     for (std::size_t i = 0; i < plot.series.size(); ++i)
         text += series_svg(plot.series[i], frame, i);
     return text + legend + "</svg>\n";
@@ -276,27 +294,26 @@ std::string bars_svg(const Bars& bars, const std::string& id) {
     constexpr double kRow = 22, kNames = 150, kNumbers = 64;
     constexpr std::size_t kLongest = 20;  // characters
     double largest = 0;
-    for (const auto& [name, value] : bars.rows)
-        if (std::isfinite(value)) largest = std::max(largest, value);
-    const double height = 34 + kRow * static_cast<double>(bars.rows.size()) + 6;
-    const std::string unit = bars.unit.empty() ? "" : " in " + bars.unit;
-    std::string text =
-        svg_head(height, id, bars.title,
-                 str(bars.rows.size(), " values", unit, ", also in the table below."));
-    text += fmt::format("<text class=\"title\" x=\"8\" y=\"20\">{}{}{}</text>\n",
-                        escaped(bars.title), bars.unit.empty() ? "" : ", ", escaped(bars.unit));
+    for (const double v : bars.values)
+        if (std::isfinite(v)) largest = std::max(largest, v);
+    const double height = 34 + kRow * static_cast<double>(bars.values.size()) + 6;
+    std::string note = str(bars.values.size(), " values", bars.unit.empty() ? "" : " in ",
+                           bars.unit, ", also in the table below.");
+    std::string text = svg_head(height, id, bars.title, note);
+    text += str("<text class=\"title\" x=\"8\" y=\"20\">", escaped(bars.title),
+                bars.unit.empty() ? "" : ", ", escaped(bars.unit), "</text>\n");
     double y = 34;
-    for (const auto& [name, value] : bars.rows) {
-        const double share =
-            std::isfinite(value) && largest > 0 ? std::max(0.0, value) / largest : 0;
-        const double width = share * (kWidth - kNames - kNumbers);
-        text += fmt::format(R"(<text x="{}" y="{:.1f}" text-anchor="end">{}</text>)"
-                            R"(<rect class="bar" x="{}" y="{:.1f}" width="{:.1f}" height="{}"/>)"
-                            R"(<text x="{:.1f}" y="{:.1f}">{}</text>)"
-                            "\n",
-                            kNames - 6, y + 15, escaped(fitting(name, kLongest)), kNames, y + 3,
-                            width, kRow - 6, kNames + width + 6, y + 15, short_number(value));
-        y += kRow;
+    for (std::size_t i = 0; i < bars.values.size(); ++i, y += kRow) {
+        const std::string name = fitting(bars.names[i], kLongest);
+        const bool known = std::isfinite(bars.values[i]);
+        const double width = known && largest > 0 ? std::max(0.0, bars.values[i]) / largest *
+                                                        (kWidth - kNames - kNumbers)
+                                                  : 0;
+        text += str("<text x=\"", kNames - 6, "\" y=\"", fixed(y + 15), "\" text-anchor=\"end\">",
+                    escaped(name), "</text><rect class=\"bar\" x=\"", kNames, "\" y=\"",
+                    fixed(y + 3), "\" width=\"", fixed(width), "\" height=\"", kRow - 6,
+                    "\"/><text x=\"", fixed(kNames + width + 6), "\" y=\"", fixed(y + 15), "\">",
+                    known ? short_number(bars.values[i]) : "\u2013", "</text>\n");
     }
     return text + "</svg>\n";
 }
@@ -307,25 +324,44 @@ std::string standalone_svg(std::string svg) {
 }
 
 std::string escaped(const std::string& text) {
-    static const std::map<char, std::string> kEntities{
-        {'&', "&amp;"},  {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"},
-        {'\'', "&#39;"}, {'\t', " "},   {'\n', " "}};
     std::string out;
-    for (const char c : text)
-        if (const auto entity = kEntities.find(c); entity != kEntities.end())
-            out += entity->second;
-        else if (static_cast<unsigned char>(c) < 32 || c == 127)
-            out += "\uFFFD";
-        else
-            out += c;
+    for (const char c : text) switch (c) {
+            case '&':
+                out += "&amp;";
+                break;
+            case '<':
+                out += "&lt;";
+                break;
+            case '>':
+                out += "&gt;";
+                break;
+            case '"':
+                out += "&quot;";
+                break;
+            case '\'':
+                out += "&#39;";
+                break;
+            case '\t':
+            case '\n':
+                out += ' ';
+                break;
+            default:
+                if (static_cast<unsigned char>(c) < 32 || c == 127)
+                    out += "\uFFFD";
+                else
+                    out += c;
+        }
     return out;
 }
 
 std::string short_number(double value, int digits) {
     if (!std::isfinite(value)) return "\u2013";
-    const double size = std::abs(value);
-    return size >= 1e4 && size < 1e15 ? fmt::format("{:.0f}", value)
-                                      : fmt::format("{:.{}g}", value, digits);
+    char text[48];
+    if (std::abs(value) >= 1e4 && std::abs(value) < 1e15)
+        std::snprintf(text, sizeof text, "%.0f", value);
+    else
+        std::snprintf(text, sizeof text, "%.*g", digits, value);
+    return text;
 }
 
 }  // namespace tvsgs

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace tvsgs {
@@ -11,15 +10,16 @@ namespace tvsgs {
 struct Series {
     std::string name;
     std::vector<double> x, y;
-    bool marks = false;                 // a mark at each point
-    std::vector<double> low{}, high{};  // a band around y; may be empty
+    std::vector<double> low, high;  // a band around y; may be empty
+    bool marks = false;             // a mark at each point
 };
 
 struct Plot {
     std::string title, x_label, y_label;
-    std::vector<Series> series{};
-    bool log_x = false, log_y = false, y_from_zero = false;
-    std::string note{};  // text for screen readers
+    bool log_x = false, log_y = false;
+    bool y_from_zero = false;
+    std::vector<Series> series;
+    std::string note;  // text for screen readers
 };
 
 /// Leaves out values that are not finite, or not positive on a logarithmic axis; an axis without
@@ -28,7 +28,8 @@ std::string plot_svg(const Plot& plot, const std::string& id);
 
 struct Bars {
     std::string title, unit;
-    std::vector<std::pair<std::string, double>> rows{};
+    std::vector<std::string> names;
+    std::vector<double> values;
 };
 std::string bars_svg(const Bars& bars, const std::string& id);
 

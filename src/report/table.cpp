@@ -1,14 +1,11 @@
 #include "report/table.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <iomanip>
 #include <set>
 
 #include "core/error.h"
 #include "core/version.h"
-#include "io/files/read_file.h"
 #include "report/plot.h"
 
 namespace tvsgs {
@@ -24,22 +21,31 @@ void add_number(Metrics& metrics, const std::string& name, const JsonValue& valu
 void add_geometry(Metrics& metrics, const std::string& source, const JsonValue& result) {
     for (const char* key : {"accuracy", "completeness", "chamfer"})
         add_number(metrics, str(key, " (", source, ")"), result[key]);
-    for (const char* key : {"precision", "recall", "f1"}) {
-        for (const JsonValue& at : result["thresholds"].items)
+    const auto add_threshold = [&](const JsonValue& at) {
+        for (const char* key : {"precision", "recall", "f1"})
             add_number(metrics, str(key, "@", short_number(at["tau"].number), " (", source, ")"),
                        at[key]);
-        // For tnt: at the threshold of the scene, so that scenes can be averaged.
+    };
+    for (const JsonValue& at : result["thresholds"].items) add_threshold(at);
+    // For tnt: at the threshold of the scene, so that scenes can be averaged.
+    for (const char* key : {"precision", "recall", "f1"})
         add_number(metrics, str(key, " (", source, ")"), result[key]);
-    }
 }
 
 /// Distinct values in order of appearance.
-std::vector<std::string> distinct(const std::vector<TableRun>& runs, std::string TableRun::*name) {
+template <class Get>
+std::vector<std::string> distinct(const std::vector<TableRun>& runs, Get&& get) {
     std::vector<std::string> names;
     for (const TableRun& run : runs)
-        if (std::find(names.begin(), names.end(), run.*name) == names.end())
-            names.push_back(run.*name);
+        if (std::find(names.begin(), names.end(), get(run)) == names.end())
+            names.push_back(get(run));
     return names;
+}
+std::vector<std::string> scenes_of(const std::vector<TableRun>& runs) {
+    return distinct(runs, [](const TableRun& r) { return r.scene; });
+}
+std::vector<std::string> configurations_of(const std::vector<TableRun>& runs) {
+    return distinct(runs, [](const TableRun& r) { return r.configuration; });
 }
 
 /// Escapes characters that would end a cell or be read as markup in Markdown.
@@ -61,16 +67,15 @@ std::string cell_text(const Cell& cell, int digits) {
 
 struct Column {
     std::string head, metric;
-    int better;  // +1: higher is better, -1: lower is better, 0: neither
-    int digits;
-    std::string scene{};  // empty: the mean over all scenes
+    std::string scene;  // empty: the mean over all scenes
+    int better = 0;     // +1: higher is better, -1: lower is better, 0: neither
+    int digits = 4;
 };
 
 class Tables {
 public:
     Tables(const std::vector<TableRun>& runs, const std::vector<PublishedFigure>& published)
-        : scenes_(distinct(runs, &TableRun::scene)),
-          configurations_(distinct(runs, &TableRun::configuration)) {
+        : scenes_(scenes_of(runs)), configurations_(configurations_of(runs)) {
         for (const TableRun& run : runs)
             for (const auto& [name, value] : metrics_of(run.report)) {
                 values_[{run.scene, run.configuration, name}].push_back(value);
@@ -91,15 +96,20 @@ public:
 
     std::string markdown() const {
         std::string text;
-        for (const std::string& source : sources("chamfer"))
-            text += table("Chamfer distance" + source, "scene units",
-                          per_scene({{"", "chamfer" + source, -1, 4}}));
-        for (const auto& [prefix, where] : {std::pair("@", ""), {" ", "the scene's threshold "}})
-            for (const std::string& source : sources(str("f1", prefix)))
-                text += table(str("Precision, recall and F1 at ", where, source), "",
-                              per_scene({{"P", str("precision", prefix, source), 1, 3},
-                                         {"R", str("recall", prefix, source), 1, 3},
-                                         {"F1", str("f1", prefix, source), 1, 3}}));
+        for (const std::string& source : sources("chamfer")) {
+            std::vector<Column> columns = per_scene({{"", "chamfer" + source, -1, 4}});
+            text += table("Chamfer distance" + source, "scene units", columns);
+        }
+        for (const std::string& at : sources("f1@"))
+            text += table("Precision, recall and F1 at " + at, "",
+                          per_scene({{"P", "precision@" + at, 1, 3},
+                                     {"R", "recall@" + at, 1, 3},
+                                     {"F1", "f1@" + at, 1, 3}}));
+        for (const std::string& source : sources("f1 "))
+            text += table("Precision, recall and F1 at the scene's threshold " + source, "",
+                          per_scene({{"P", "precision " + source, 1, 3},
+                                     {"R", "recall " + source, 1, 3},
+                                     {"F1", "f1 " + source, 1, 3}}));
         for (const char* masked : {"", "_masked"})
             text += table(*masked ? "Novel views, object only" : "Novel views", "",
                           per_scene({{"PSNR", str("psnr", masked), 1, 4},
@@ -114,6 +124,11 @@ public:
     }
 
 private:
+    struct Part {
+        std::string head, metric;
+        int better, digits;
+    };
+
     /// Suffixes of the metric names with this prefix: " (centres)", "0.02 (centres)".
     std::vector<std::string> sources(const std::string& prefix) const {
         std::vector<std::string> found;
@@ -122,14 +137,12 @@ private:
         return found;
     }
 
-    std::vector<Column> per_scene(const std::vector<Column>& parts) const {
+    std::vector<Column> per_scene(const std::vector<Part>& parts) const {
         std::vector<Column> columns;
         const auto add = [&](const std::string& head, const std::string& scene) {
-            for (Column part : parts) {
-                part.head = head + (part.head.empty() ? "" : ": " + part.head);
-                part.scene = scene;
-                columns.push_back(part);
-            }
+            for (const Part& p : parts)
+                columns.push_back({head + (p.head.empty() ? "" : ": " + p.head), p.metric, scene,
+                                   p.better, p.digits});
         };
         for (const std::string& scene : scenes_) add(scene, scene);
         if (scenes_.size() > 1) add("mean", "");
@@ -142,7 +155,7 @@ private:
             const bool quality = name.starts_with("f1") || name == "psnr" || name == "ssim";
             if (quality || name.starts_with("chamfer") || name == "lpips" || name == "seconds" ||
                 name == "peak MiB")
-                columns.push_back({name, name, quality ? 1 : -1, 4});
+                columns.push_back({name, name, "", quality ? 1 : -1, 4});
         }
         return columns;
     }
@@ -184,8 +197,8 @@ private:
             text += "| " + in_cell(name) + " |";
             for (const Column& c : columns) {
                 const Cell own = cell(name, c);
-                const char* const bold = is_best(own, c) ? "**" : "";
-                text += str(" ", bold, cell_text(own, c.digits), bold, " |");
+                const std::string shown = cell_text(own, c.digits);
+                text += is_best(own, c) ? " **" + shown + "** |" : " " + shown + " |";
             }
             text += "\n";
         }
@@ -195,10 +208,9 @@ private:
             for (const Column& c : columns) {
                 const auto found = published_.find({c.scene, row, c.metric});
                 any |= found != published_.end();
-                cells += str(
-                    " ",
-                    found == published_.end() ? "\u2013" : short_number(found->second, c.digits),
-                    " |");
+                cells += found == published_.end()
+                             ? " \u2013 |"
+                             : " " + short_number(found->second, c.digits) + " |";
             }
             if (any) text += "| *" + in_cell(row) + "* |" + cells + "\n";
         }
@@ -280,7 +292,7 @@ Trace trace_of(const JsonValue& report, const Quality& quality, double threshold
 }
 
 Series overlay(const std::string& name, const std::vector<Trace>& seeds) {
-    Series series{name, seeds.front().seconds, {}, true};
+    Series series{name, seeds.front().seconds, {}, {}, {}, true};
     for (const double t : series.x) {
         double sum = 0, low = INFINITY, high = -INFINITY;
         for (const Trace& seed : seeds) {
@@ -296,42 +308,20 @@ Series overlay(const std::string& name, const std::vector<Trace>& seeds) {
 std::string file_name(const std::string& text) {
     std::string out;
     for (const char c : text) {
-        const auto byte = static_cast<unsigned char>(c);
-        if (byte < 128 && (std::isalnum(byte) || c == '-'))
-            out += static_cast<char>(std::tolower(byte));
+        const bool plain = (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
+        const bool upper = c >= 'A' && c <= 'Z';
+        if (plain || upper)
+            out += upper ? static_cast<char>(c - 'A' + 'a') : c;
         else if (!out.ends_with('_'))
             out += '_';
     }
     return out;
 }
 
-/// Returns false when no run has several evaluations.
-bool overlay_plot(const std::vector<TableRun>& runs,
-                  const std::string& scene,
-                  const Quality& quality,
-                  double threshold,
-                  OverlayPlot& out) {
-    const std::string at = threshold > 0 ? short_number(threshold) : "";
-    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene), "seconds",
-              quality.unit};
-    plot.log_x = true, plot.log_y = quality.log_y;
-    bool over_time = false;
-    for (const std::string& configuration : distinct(runs, &TableRun::configuration)) {
-        std::vector<Trace> seeds;
-        for (const TableRun& run : runs)
-            if (run.scene == scene && run.configuration == configuration)
-                seeds.push_back(trace_of(run.report, quality, threshold));
-        std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
-        if (seeds.empty()) continue;
-        over_time |= seeds.front().seconds.size() > 1;
-        plot.series.push_back(overlay(configuration, seeds));
-        if (seeds.size() > 1)
-            plot.note = "Means over seeds; bands show the lowest and the highest.";
-    }
-    const std::string name = file_name(str(scene, "_", quality.name, *quality.source ? "_" : "",
-                                           quality.source, at.empty() ? "" : "_" + at));
-    if (over_time) out = {name, plot.title, standalone_svg(plot_svg(plot, name))};
-    return over_time;
+std::string quoted(const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
+    return out + "\"";
 }
 
 }  // namespace
@@ -374,13 +364,14 @@ std::vector<PublishedFigure> parse_published(const JsonValue& file, const std::s
             figure.scenes.push_back(scene.text + entry["with"].text);
         if (figure.method.empty() || !file["sources"][figure.source] || figure.scenes.empty() ||
             figure.metric.empty() || !std::isfinite(figure.value))
-            throw input_error(where, ": figure ", figures.size() + 1,
-                              ": expected method, source (of 'sources'), set (of "
-                              "'sets') or scenes, metric and value");
+            throw Error(ExitCode::input, str(where, ": figure ", figures.size() + 1,
+                                             ": expected method, source (of 'sources'), set (of "
+                                             "'sets') or scenes, metric and value"));
         figures.push_back(std::move(figure));
     }
     if (figures.empty())
-        throw input_error(where, ": no list 'figures'; see docs/published_figures.json");
+        throw Error(ExitCode::input,
+                    str(where, ": no list 'figures'; see docs/published_figures.json"));
     return figures;
 }
 
@@ -393,16 +384,53 @@ std::string tables_csv(const std::vector<TableRun>& runs) {
     std::string text = "scene,configuration,seed,metric,value,version\n";
     for (const TableRun& run : runs)
         for (const auto& [name, value] : metrics_of(run.report))
-            text +=
-                str(std::quoted(run.scene, '"', '"'), ",", std::quoted(run.configuration, '"', '"'),
-                    ",", short_number(run.seed, 15), ",", std::quoted(name, '"', '"'), ",",
-                    short_number(value, 9), ",", kVersion, "\n");
+            text += str(quoted(run.scene), ",", quoted(run.configuration), ",",
+                        short_number(run.seed, 15), ",", quoted(name), ",", short_number(value, 9),
+                        ",", kVersion, "\n");
     return text;
 }
 
+namespace {
+
+/// Returns false when no run has several evaluations.
+bool overlay_plot(const std::vector<TableRun>& runs,
+                  const std::string& scene,
+                  const Quality& quality,
+                  double threshold,
+                  OverlayPlot& out) {
+    const std::string at = threshold > 0 ? short_number(threshold) : "";
+    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene),
+              "seconds",
+              quality.unit,
+              true,
+              quality.log_y,
+              false,
+              {},
+              ""};
+    bool over_time = false;
+    for (const std::string& configuration : configurations_of(runs)) {
+        std::vector<Trace> seeds;
+        for (const TableRun& run : runs)
+            if (run.scene == scene && run.configuration == configuration)
+                seeds.push_back(trace_of(run.report, quality, threshold));
+        std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
+        if (seeds.empty()) continue;
+        over_time |= seeds.front().seconds.size() > 1;
+        plot.series.push_back(overlay(configuration, seeds));
+        if (seeds.size() > 1)
+            plot.note = "Means over seeds; bands show the lowest and the highest.";
+    }
+    const std::string name = file_name(str(scene, "_", quality.name, *quality.source ? "_" : "",
+                                           quality.source, at.empty() ? "" : "_" + at));
+    if (over_time) out = {name, plot.title, standalone_svg(plot_svg(plot, name))};
+    return over_time;
+}
+
+}  // namespace
+
 std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs) {
     std::vector<OverlayPlot> plots;
-    for (const std::string& scene : distinct(runs, &TableRun::scene))
+    for (const std::string& scene : scenes_of(runs))
         for (const Quality& quality : kQualities) {
             std::set<double> thresholds;
             for (const TableRun& run : runs)

@@ -1,4 +1,5 @@
 // Groups runs into rows of a table: the runs of a row differ only in their seed.
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -70,12 +71,25 @@ bool names_a_configuration(const std::string& key) {
 /// False for keys in which the runs of a row may differ: the seed, keys of the scene's column,
 /// output and reporting, and keys documented not to change results.
 bool changes_results(const std::string& key) {
-    for (const char* same :
-         {"seed", "scene.path", "scene.split", "scene.views", "scene.num_views", "scene.photos",
-          "scene.photo_folder", "eval.at", "eval.every", "eval.mesh", "eval.taus", "photo_bytes",
-          "tv.lists", "mesh.memory", "mesh.texture", "mesh.texture_format"})
-        if (key == same) return false;
-    return true;
+    static const std::set<std::string> kSame{"seed",
+                                             "scene.path",
+                                             "scene.split",
+                                             "scene.views",
+                                             "scene.num_views",
+                                             "scene.photos",
+                                             "scene.photo_folder",
+                                             "eval.at",
+                                             "eval.every",
+                                             "eval.mesh",
+                                             "eval.taus",
+                                             "photo_bytes",
+                                             "tv.lists",
+                                             "comm.timeout",
+                                             "comm.rendezvous",
+                                             "mesh.memory",
+                                             "mesh.texture",
+                                             "mesh.texture_format"};
+    return !kSame.contains(key);
 }
 
 /// Orders keys by interest, for names that cannot hold all of them.

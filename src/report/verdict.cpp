@@ -131,39 +131,32 @@ private:
             v_.level = std::array{"poor", "fair", "good"}[static_cast<std::size_t>(level)];
     }
 
-    template <class... Parts>
-    void limit(const Parts&... parts) {
-        v_.limits.push_back(str(parts...));
-    }
-    template <class... Parts>
-    void advise(const Parts&... parts) {
-        v_.next.push_back(str(parts...));
-    }
+    void limit(const std::string& text) { v_.limits.push_back(text); }
 
     void limits() {
         if (summary_["event"].text != "done" && summary_["iteration"])
-            limit("The training has not ended: its log stops after ",
-                  number(summary_["iteration"], 6), " of ",
-                  number(report_["config"]["iterations"], 6), " iterations.");
+            limit(str("The training has not ended: its log stops after ",
+                      number(summary_["iteration"], 6), " of ",
+                      number(report_["config"]["iterations"], 6), " iterations."));
         far_test_views();
         if (const JsonValue& two = coverage_["two"]; two.number_or(1) < 1 - kMuchSingleView)
-            limit(percent(1 - two.number),
-                  " of the surface in the training views is seen by a single view: no second "
-                  "view checks its depth.");
+            limit(str(percent(1 - two.number),
+                      " of the surface in the training views is seen by a single view: no second "
+                      "view checks its depth."));
         std::vector<std::string> alone;
         for (const JsonValue& view : coverage_["views"].items)
             if (view["shared"].number_or(0) < kFewShared) alone.push_back(view["name"].text);
         if (!alone.empty() && coverage_["views"].items.size() > 1)
-            limit(alone.size() == 1 ? str("One training view shares less than ",
-                                          percent(kFewShared), " of its surface")
-                                    : str(alone.size(), " training views share less than ",
-                                          percent(kFewShared), " of their surface"),
-                  " with any other: ", list_of_names(alone), ".");
+            limit(str(alone.size() == 1 ? str("One training view shares less than ",
+                                              percent(kFewShared), " of its surface")
+                                        : str(alone.size(), " training views share less than ",
+                                              percent(kFewShared), " of their surface"),
+                      " with any other: ", list_of_names(alone), "."));
         const JsonValue& gap = coverage_["gap"];
         if (const double angle = gap["angle_deg"].number_or(0); angle > kWideGapDeg)
-            limit("Neighbouring views are up to ", degrees(angle), " apart, ", gap["a"].text,
-                  " and ", gap["b"].text, "; matching gets weak beyond ", degrees(kWideGapDeg),
-                  ".");
+            limit(str("Neighbouring views are up to ", degrees(angle), " apart, ", gap["a"].text,
+                      " and ", gap["b"].text, "; matching gets weak beyond ", degrees(kWideGapDeg),
+                      "."));
         by_plan();
         growth();
         overtrained();
@@ -211,12 +204,13 @@ private:
                               reason = d["reason"].text;
             const bool below = d["measured"].number_or(0) < d["threshold"].number_or(0);
             if (name == "new splats" && choice == "yes" && below)
-                limit("The start points were sparse, so new splats were needed (", reason, ").");
+                limit(
+                    str("The start points were sparse, so new splats were needed (", reason, ")."));
             if (name == "exposure" && choice != "no correction")
-                limit("The photographs differ in exposure, which was ", choice, " (", reason,
-                      "); lock the exposure of the camera.");
+                limit(str("The photographs differ in exposure, which was ", choice, " (", reason,
+                          "); lock the exposure of the camera."));
             if (name == "multi-view" && choice == "off")
-                limit("Photographs were not compared with each other (", reason, ").");
+                limit(str("Photographs were not compared with each other (", reason, ")."));
         }
     }
 
@@ -226,8 +220,8 @@ private:
                      now = summary_["gaussians"].number_or(0);
         const bool grows = report_["config"]["densify"]["enabled"].number != 0;
         if (grows && most > first && now >= 0.98 * most)
-            limit("Growth stopped at ", grouped(static_cast<std::size_t>(now)),
-                  " splats, the limit by memory, --max-gaussians or densify.max_per_pixel.");
+            limit(str("Growth stopped at ", grouped(static_cast<std::size_t>(now)),
+                      " splats, the limit by memory, --max-gaussians or densify.max_per_pixel."));
     }
 
     void overtrained() {
@@ -240,9 +234,9 @@ private:
             if (const double psnr = e[key].number_or(NAN); psnr > best)
                 best = psnr, at = e["iteration"].number_or(0);
         if (best > end + kClearlyWorse)
-            limit("PSNR was ", short_number(best, 3), " dB after ", short_number(at, 6),
-                  " iterations and fell to ", short_number(end, 3),
-                  " dB: train for fewer iterations.");
+            limit(str("PSNR was ", short_number(best, 3), " dB after ", short_number(at, 6),
+                      " iterations and fell to ", short_number(end, 3),
+                      " dB: train for fewer iterations."));
     }
 
     void next() {
@@ -252,29 +246,31 @@ private:
             std::min_element(far.begin(), far.end(),
                              [](const FarView& a, const FarView& b) { return a.psnr < b.psnr; });
         if (worst != far.end())
-            advise("From where the test view ", worst->name, " stands: PSNR ",
-                   short_number(worst->psnr, 3), " dB, and the nearest ", "training view, ",
-                   worst->nearest, ", is ", degrees(worst->angle),
-                   " away. Add one photograph every 15\u00b0 to ", "30\u00b0 between them.");
+            v_.next.push_back(str("From where the test view ", worst->name, " stands: PSNR ",
+                                  short_number(worst->psnr, 3), " dB, and the nearest ",
+                                  "training view, ", worst->nearest, ", is ", degrees(worst->angle),
+                                  " away. Add one photograph every 15\u00b0 to ",
+                                  "30\u00b0 between them."));
         const JsonValue& gap = coverage_["gap"];
         const double angle = gap["angle_deg"].number_or(NAN), shared = gap["shared"].number_or(0);
         if (gap && shared < kFewShared)
-            advise("Between ", gap["a"].text, " and ", gap["b"].text, ": they share ",
-                   percent(shared), " of their surface, the weakest link between the views.");
+            v_.next.push_back(str("Between ", gap["a"].text, " and ", gap["b"].text,
+                                  ": they share ", percent(shared),
+                                  " of their surface, the weakest link between the views."));
         else if (angle > kWideGapDeg)
-            advise("Between ", gap["a"].text, " and ", gap["b"].text, ": ", degrees(angle),
-                   " apart, the widest gap between neighbouring views.");
-        const auto& views = coverage_["views"].items;
-        const auto most =
-            std::max_element(views.begin(), views.end(), [](const auto& a, const auto& b) {
-                return a["lone"].number_or(0) < b["lone"].number_or(0);
-            });
-        if (most != views.end() && (*most)["lone"].number_or(0) >= kMuchSingleView) {
+            v_.next.push_back(str("Between ", gap["a"].text, " and ", gap["b"].text, ": ",
+                                  degrees(angle),
+                                  " apart, the widest gap between neighbouring views."));
+        const JsonValue* most = nullptr;
+        for (const JsonValue& view : coverage_["views"].items)
+            if (most == nullptr || view["lone"].number_or(0) > (*most)["lone"].number_or(0))
+                most = &view;
+        if (most != nullptr && (*most)["lone"].number_or(0) >= kMuchSingleView) {
             const std::string side = (*most)["side"].text;
-            advise("The part that only ", (*most)["name"].text, " sees, ",
-                   percent((*most)["lone"].number), " of its surface",
-                   side.empty() ? "" : str(", most in its ", side, " half"),
-                   ": photograph it again from a step aside.");
+            v_.next.push_back(str("The part that only ", (*most)["name"].text, " sees, ",
+                                  percent((*most)["lone"].number), " of its surface",
+                                  side.empty() ? "" : str(", most in its ", side, " half"),
+                                  ": photograph it again from a step aside."));
         }
         if (!v_.next.empty()) return;
         std::string text = str("No gap was found: ", percent(coverage_["two"].number_or(0)),
@@ -286,13 +282,14 @@ private:
 
     void left_out() {
         if (!report_["plan"]) return;
-        std::string off;
+        std::vector<std::string> off;
         for (const JsonValue& d : report_["plan"].items)
             if (const std::string& choice = d["choice"].text;
                 (choice == "off" || choice == "none needed" || choice == "no correction") &&
                 d["kept"].members.empty())
-                off += str(off.empty() ? "" : "; ", d["name"].text, " (", d["reason"].text, ")");
-        v_.left_out = off.empty() ? "Nothing." : off + ".";
+                off.push_back(str(d["name"].text, " (", d["reason"].text, ")"));
+        for (const std::string& one : off) v_.left_out += (v_.left_out.empty() ? "" : "; ") + one;
+        v_.left_out = off.empty() ? "Nothing." : v_.left_out + ".";
     }
 
     const JsonValue &report_, &summary_, &coverage_;

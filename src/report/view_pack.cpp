@@ -24,9 +24,12 @@ void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
     std::iota(order.begin(), order.end(), 0);
     if (count >= order.size()) return;
     const std::vector<double> sizes = size_of_splats(g);
-    std::nth_element(
-        order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
-        [&](int a, int b) { return sizes[a] != sizes[b] ? sizes[a] > sizes[b] : a < b; });
+    std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
+                     [&](int a, int b) {
+                         const double of_a = sizes[static_cast<std::size_t>(a)],
+                                      of_b = sizes[static_cast<std::size_t>(b)];
+                         return of_a != of_b ? of_a > of_b : a < b;
+                     });
     order.resize(count);
     std::sort(order.begin(), order.end());
     keep_splats(order, g);
@@ -64,7 +67,7 @@ void drop_excess(Gaussians<Cpu>& g, std::size_t max_bytes) {
 PackedSplats pack_splats(Gaussians<Cpu> g, std::size_t max_bytes, int max_splats) {
     std::vector<int> drawn;
     for (int i = 0; i < g.size(); ++i)
-        if (sigmoid(g.opacity_logits[i]) > kMinAlpha) drawn.push_back(i);
+        if (sigmoid(g.opacity_logits[static_cast<std::size_t>(i)]) > kMinAlpha) drawn.push_back(i);
     keep_splats(drawn, g);
     PackedSplats packed;
     packed.of = g.size(), packed.of_degree = g.sh_degree;
@@ -74,12 +77,14 @@ PackedSplats pack_splats(Gaussians<Cpu> g, std::size_t max_bytes, int max_splats
     while (g.size() > 0) {
         packed.bytes = spz_bytes(g, kFormat, "the page's splats");
         if (packed.bytes.size() <= max_bytes) break;
+        if (g.sh_degree > 0) {
+            lower_degree(g);
+            continue;
+        }
         const double share =
             0.97 * static_cast<double>(max_bytes) / static_cast<double>(packed.bytes.size());
-        if (g.sh_degree > 0)
-            lower_degree(g);
-        else
-            keep_largest(g, static_cast<std::size_t>(share * g.size())), packed.bytes.clear();
+        keep_largest(g, static_cast<std::size_t>(share * g.size()));
+        packed.bytes.clear();
     }
     packed.shown = std::move(g);
     return packed;
@@ -117,14 +122,15 @@ PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& 
     for (const std::uint8_t level : errors) put(level, 1);
     for (const Vec3i face : mesh.faces)
         for (int c = 0; c < 3; ++c) put(static_cast<std::uint32_t>(face[c]), 4);
-    return {JsonValue()
-                .add("vertices", mesh.vertices.size())
-                .add("faces", mesh.faces.size())
-                .add("low", std::vector{low.x, low.y, low.z})
-                .add("high", std::vector{high.x, high.y, high.z})
-                .add("colors", mesh.colors.empty() ? 0.0 : 1.0)
-                .add("errors", errors.empty() ? 0.0 : 1.0),
-            deflated(bytes)};
+    PackedMesh packed{JsonValue::object(), deflated(bytes)};
+    const auto list = [](Vec3f v) { return JsonValue(std::vector<double>{v.x, v.y, v.z}); };
+    packed.about.set("vertices", mesh.vertices.size());
+    packed.about.set("faces", mesh.faces.size());
+    packed.about.set("low", list(low));
+    packed.about.set("high", list(high));
+    packed.about.set("colors", mesh.colors.empty() ? 0.0 : 1.0);
+    packed.about.set("errors", errors.empty() ? 0.0 : 1.0);
+    return packed;
 }
 
 std::vector<std::uint8_t> error_levels(Span<const Vec3f> points, const Truth& truth, double full) {

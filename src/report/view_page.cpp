@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "core/device/parallel_lists.h"
 #include "core/error.h"
 #include "core/grouped.h"
-#include "core/log.h"
 #include "core/version.h"
 #include "io/images/image_file.h"
 #include "mesh/fuse/focus.h"
@@ -15,7 +15,9 @@
 #include "render/depth/map_images.h"
 #include "render/tiles/blend_math.h"
 #include "report/figures.h"
-#include "report/view_assets.h"  // generated from the files in view/
+#include "report/page.h"
+#include "report/pictures.h"
+#include "report/view_assets.h"
 #include "report/view_pack.h"
 
 namespace tvsgs {
@@ -39,32 +41,32 @@ std::string filled(const std::string& text, const std::map<std::string, std::str
     return out;
 }
 
-/// Width and height, reduced to at most `side`.
-std::pair<int, int> at_most(int width, int height, int side) {
-    const double scale = std::min(1.0, static_cast<double>(side) / std::max(width, height));
+ImageU8 at_most(const ImageU8& image, int side) {
+    const double scale =
+        std::min(1.0, static_cast<double>(side) / std::max(image.width, image.height));
     const auto scaled = [&](int n) {
         return std::max(1, static_cast<int>(std::lround(n * scale)));
     };
-    return {scaled(width), scaled(height)};
+    return scale < 1 ? resize_bicubic(image, scaled(image.width), scaled(image.height)) : image;
 }
 
-ImageU8 at_most(const ImageU8& image, int side) {
-    const auto [width, height] = at_most(image.width, image.height, side);
-    return width < image.width || height < image.height ? resize_bicubic(image, width, height)
-                                                        : image;
+std::string jpeg_source(const std::string& bytes) {
+    return "data:image/jpeg;base64," + base64(bytes);
 }
 
-/// JPEGs per camera: at most `count` photographs, evenly spaced among the cameras that have one,
-/// within kPhotoBytes. Empty: not shown.
+/// Data URIs per camera: at most `count` photographs, evenly spaced among the cameras that have
+/// one, within kPhotoBytes. Empty: not shown.
 std::vector<std::string> photographs(const std::vector<ViewCamera>& cameras, int count) {
     std::vector<std::size_t> with;
     for (std::size_t i = 0; i < cameras.size(); ++i)
         if (!cameras[i].photo.empty()) with.push_back(i);
-    with = thinned(with, count);
+    const std::size_t n = with.size(), kept = std::min(n, static_cast<std::size_t>(count));
     std::vector<std::string> jpegs(cameras.size());
-    for (int side = kPhotoSide; !with.empty();) {
-        parallel_for_throwing(static_cast<int>(with.size()), [&](int k) {
-            jpegs[with[k]] = jpeg_bytes(at_most(cameras[with[k]].photo, side), 80);
+    for (int side = kPhotoSide; kept > 0;) {
+        parallel_for_throwing(static_cast<int>(kept), [&](int index) {
+            const auto k = static_cast<std::size_t>(index);
+            const std::size_t i = with[kept < 2 ? 0 : k * (n - 1) / (kept - 1)];
+            jpegs[i] = jpeg_bytes(at_most(cameras[i].photo, side), 80);
         });
         std::size_t bytes = 0;
         for (const std::string& jpeg : jpegs) bytes += jpeg.size();
@@ -102,43 +104,49 @@ JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<V
         if (z > 0) focus = focus_at_depth(all, z);
     }
     if (!(focus.radius > 1e-6 * norm(focus.point)) || !(focus.radius > 0)) focus.radius = 1;
-    return JsonValue()
-        .add("middle", list_of(focus.point))
-        .add("radius", focus.radius)
-        .add("up", list_of(up / norm(up)));
+    const Vec3d p = focus.point, u = up / norm(up);
+    JsonValue scene = JsonValue::object();
+    scene.set("middle", list_of(p));
+    scene.set("radius", focus.radius);
+    scene.set("up", list_of(u));
+    return scene;
 }
 
 JsonValue camera_json(const ViewCamera& c, bool has_photo) {
     const Mat3<double> R = mat_cast<double>(c.camera.camera_from_world.R);
     const Vec3d centre = -transpose_times(R, vec_cast<double>(c.camera.camera_from_world.t));
-    JsonValue rows = JsonValue::list();
+    JsonValue camera = JsonValue::object(), rows = JsonValue::list();
     for (int r = 0; r < 3; ++r) rows.items.push_back(list_of({R[r][0], R[r][1], R[r][2]}));
-    return JsonValue()
-        .add("name", c.name)
-        .add("test", c.test ? 1.0 : 0.0)
-        .add("photo", has_photo ? 1.0 : 0.0)
-        .add("rows", std::move(rows))
-        .add("centre", list_of(centre))
-        .add("fx", c.camera.fx_px)
-        .add("fy", c.camera.fy_px)
-        .add("cx", c.camera.cx_px)
-        .add("cy", c.camera.cy_px)
-        .add("width", c.camera.width_px)
-        .add("height", c.camera.height_px);
+    camera.set("name", c.name);
+    camera.set("test", c.test ? 1.0 : 0.0);
+    camera.set("photo", has_photo ? 1.0 : 0.0);
+    camera.set("rows", std::move(rows));
+    camera.set("centre", list_of(centre));
+    for (const auto& [key, value] :
+         {std::pair("fx", c.camera.fx_px), std::pair("fy", c.camera.fy_px),
+          std::pair("cx", c.camera.cx_px), std::pair("cy", c.camera.cy_px)})
+        camera.set(key, value);
+    camera.set("width", c.camera.width_px);
+    camera.set("height", c.camera.height_px);
+    return camera;
 }
 
 /// Picture that replaces the view in browsers without WebGL, and until the view has loaded.
 ImageU8 poster(Backbone<Cpu>& backbone, const Gaussians<Cpu>& splats, const Camera& camera) {
-    const auto [width, height] = at_most(camera.width_px, camera.height_px, kPosterSide);
-    const Camera small = scaled_camera(camera, width, height);
+    const double scale = std::min(
+        1.0, static_cast<double>(kPosterSide) / std::max(camera.width_px, camera.height_px));
+    const auto scaled = [&](int n) {
+        return std::max(1, static_cast<int>(std::lround(n * scale)));
+    };
+    const Camera small = scaled_camera(camera, scaled(camera.width_px), scaled(camera.height_px));
     if (splats.size() == 0) return ImageU8(small.width_px, small.height_px, 3);
     const auto& images = backbone.forward(splats, small, splats.sh_degree, Maps::color);
     return color_image(images.width, images.height, to_host(images.color));
 }
 
-std::string hold(const char* id, std::size_t index, const std::string& bytes) {
-    return fmt::format("<script type=\"application/octet-stream\" id=\"{}{}\">{}</script>\n", id,
-                       index, base64(bytes));
+std::string hold(const char* id, std::size_t index, const std::string& base64_text) {
+    return str("<script type=\"application/octet-stream\" id=\"", id, index, "\">", base64_text,
+               "</script>\n");
 }
 
 /// Builds a page step by step.
@@ -169,10 +177,7 @@ public:
 private:
     std::size_t start() const { return cameras_.size() / 2; }
 
-    template <class... Parts>
-    void note(const Parts&... parts) {
-        notes_.push_back(str(parts...));
-    }
+    void note(const std::string& text) { notes_.push_back(text); }
 
     void add_cameras() {
         const std::vector<std::string> jpegs = photographs(cameras_, options_.max_photos);
@@ -185,43 +190,44 @@ private:
             const bool has = !jpegs[i].empty();
             shown += has, there += !c.photo.empty(), any_test = any_test || c.test;
             list.items.push_back(camera_json(c, has));
-            items += fmt::format(
-                "<li><button type=\"button\" "
-                "data-camera=\"{}\">{}<span>{}{}</span></button></li>\n",
-                i,
-                has ? fmt::format(R"(<img id="photo{}" alt="" src="{}">)", i, jpeg_source(jpegs[i]))
-                    : "",
-                escaped(c.name), c.test ? " (test)" : "");
+            items += str("<li><button type=\"button\" data-camera=\"", i, "\">");
+            if (has)
+                items +=
+                    str("<img id=\"photo", i, "\" alt=\"\" src=\"", jpeg_source(jpegs[i]), "\">");
+            items +=
+                str("<span>", escaped(c.name), c.test ? " (test)" : "", "</span></button></li>\n");
         }
+        has_photos_ = shown > 0;
         if (shown < there)
-            note("Photographs: ", shown, " of ", there, ", evenly spaced.");
+            note(str("Photographs: ", shown, " of ", there, ", evenly spaced."));
         else if (shown == 0)
             note("This page has no photographs.");
-        about_.add("cameras", std::move(list))
-            .add("start", start())
-            .add("scene", scene_json(cameras_, runs_));
+        about_.set("cameras", std::move(list));
+        about_.set("start", start());
+        about_.set("scene", scene_json(cameras_, runs_));
         cameras_html_ =
-            fmt::format(R"(<h2 id="cameras">Cameras</h2>
-<ul class="cameras">
-{}</ul>
-<p><span class="legend"></span>training{} <span class="legend chosen"></span>chosen</p>
-)",
-                        items, any_test ? R"( <span class="legend test"></span>test)" : "");
+            str("<h2 id=\"cameras\">Cameras</h2>\n<ul "
+                "class=\"cameras\">\n",
+                items, "</ul>\n<p><span class=\"legend\"></span>training",
+                any_test ? " <span class=\"legend test\"></span>test" : "",
+                " <span class=\"legend chosen\"></span>chosen</p>\n");
     }
 
     void add_mesh(std::size_t i) {
-        const ViewRun& run = runs_[i];
-        abouts_.push_back(JsonValue::object());
-        if (run.mesh.faces.empty()) return;
-        std::vector<std::uint8_t> errors;
-        const std::vector<Vec3f>& v = run.mesh.vertices;
-        if (run.truth) errors = error_levels({v.data(), v.size()}, *run.truth, full_);
-        PackedMesh packed = pack_mesh(run.mesh, errors);
-        abouts_[i].set("mesh", std::move(packed.about));
-        data_ += hold("mesh", i, packed.data);
-        if (run.mesh.faces.size() < run.mesh_faces)
-            note(run.name, ": mesh simplified from ", grouped(run.mesh_faces), " to ",
-                 grouped(run.mesh.faces.size()), " triangles for this page.");
+        ViewRun& run = runs_[i];
+        JsonValue about = JsonValue::object();
+        if (!run.mesh.faces.empty()) {
+            std::vector<std::uint8_t> errors;
+            const std::vector<Vec3f>& v = run.mesh.vertices;
+            if (run.truth) errors = error_levels({v.data(), v.size()}, *run.truth, full_);
+            PackedMesh packed = pack_mesh(run.mesh, errors);
+            about.set("mesh", std::move(packed.about));
+            data_ += hold("mesh", i, base64(packed.data));
+            if (run.mesh.faces.size() < run.mesh_faces)
+                note(str(run.name, ": mesh simplified from ", grouped(run.mesh_faces), " to ",
+                         grouped(run.mesh.faces.size()), " triangles for this page."));
+        }
+        abouts_.push_back(std::move(about));
     }
 
     void add_splats(std::size_t i, std::size_t max_bytes) {
@@ -231,38 +237,36 @@ private:
         PackedSplats packed = pack_splats(std::move(run.splats), max_bytes, options_.max_splats);
         const auto count = static_cast<std::size_t>(packed.shown.size());
         if (packed.shown.size() < packed.of)
-            note(run.name, ": the ", grouped(count), " largest of ",
-                 grouped(static_cast<std::size_t>(packed.of)),
-                 packed.shown.size() == options_.max_splats
-                     ? " splats (--max-splats)."
-                     : " splats, to limit the page size (--megabytes).");
+            note(str(run.name, ": the ", grouped(count), " largest of ",
+                     grouped(static_cast<std::size_t>(packed.of)),
+                     packed.shown.size() == options_.max_splats
+                         ? " splats (--max-splats)."
+                         : " splats, to limit the page size (--megabytes)."));
         if (count > 0 && packed.shown.sh_degree < packed.of_degree)
-            note(run.name, ": SH degree ", packed.shown.sh_degree, " instead of ", packed.of_degree,
-                 ", to limit the page size (--megabytes).");
-        about.add("name", run.name)
-            .add("splats", count)
-            .add("discs", backbone->traits.flat ? 1.0 : 0.0)
-            .add("near", run.train.render.near)
-            .add("low_pass", backbone->traits.low_pass_px2)
-            .add("least_alpha", kMinAlpha)
-            .add("truth", run.truth ? 1.0 : 0.0);
+            note(str(run.name, ": SH degree ", packed.shown.sh_degree, " instead of ",
+                     packed.of_degree, ", to limit the page size (--megabytes)."));
+        about.set("name", run.name);
+        about.set("splats", count);
+        about.set("discs", backbone->traits.flat ? 1.0 : 0.0);
+        about.set("near", run.train.render.near);
+        about.set("low_pass", backbone->traits.low_pass_px2);
+        about.set("least_alpha", kMinAlpha);
+        about.set("truth", run.truth ? 1.0 : 0.0);
         if (count > 0) {
-            data_ += hold("splats", i, {packed.bytes.begin(), packed.bytes.end()});
+            data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
             if (run.truth) {
                 const auto levels = error_levels(packed.shown.means.span(), *run.truth, full_);
-                data_ += hold("errors", i, deflated({levels.begin(), levels.end()}));
+                data_ += hold("errors", i, base64(deflated({levels.begin(), levels.end()})));
             }
         }
         const ImageU8 picture = poster(*backbone, packed.shown, cameras_[start()].camera);
         const std::string source = jpeg_source(jpeg_bytes(picture, 80));
         if (i == 0) poster_ = source;
-        const std::string name = escaped(run.name);
-        panes_ += fmt::format("<img class=\"poster\" alt=\"{} as camera {} sees it\" src=\"{}\">\n",
-                              name, escaped(cameras_[start()].name), source);
-        overlays_ += fmt::format(
-            "<div class=\"pane\" hidden><img alt=\"\" src=\"data:,\" "
-            "hidden><canvas></canvas>{}</div>\n",
-            runs_.size() > 1 ? str("<span>", name, "</span>") : "");
+        panes_ += str("<img class=\"poster\" alt=\"", escaped(run.name), " as camera ",
+                      escaped(cameras_[start()].name), " sees it\" src=\"", source, "\">\n");
+        overlays_ +=
+            str("<div class=\"pane\" hidden><img alt=\"\" src=\"data:,\" hidden><canvas></canvas>",
+                runs_.size() > 1 ? str("<span>", escaped(run.name), "</span>") : "", "</div>\n");
         rows_.push_back(
             {run.name, grouped(count), std::to_string(packed.shown.sh_degree),
              backbone->traits.flat ? "discs" : "ellipsoids",
@@ -276,7 +280,7 @@ private:
         for (const ViewRun& run : runs_) {
             std::string own;
             for (const Plot& plot : plots_over_time(run.evaluations))
-                own += plot_figure(plot, str("plot", ++id));
+                own += plot_figure(plot, str("plot", ++id), "report.json");
             if (own.empty()) continue;
             if (runs_.size() > 1) plots += str("<h3>", escaped(run.name), "</h3>\n");
             plots += "<div class=\"plots\">\n" + own + "</div>\n";
@@ -290,9 +294,44 @@ private:
                              {"run", "splats", "SH degree", "drawn as", "mesh", "truth"}, rows_);
     }
 
+    /// Radio buttons: one of them is shown.
+    std::string modes() const {
+        const bool mesh = std::any_of(runs_.begin(), runs_.end(),
+                                      [](const ViewRun& r) { return !r.mesh.faces.empty(); });
+        std::string text;
+        const auto add = [&](const char* name, const char* label, const char* key) {
+            text += str("<label><input type=\"radio\" name=\"mode\" value=\"", name,
+                        "\" data-key=\"", key, "\"", text.empty() ? " checked" : "", "><span>",
+                        label, "</span><kbd aria-hidden=\"true\">", key, "</kbd></label>");
+        };
+        add("splats", "Splats", "s");
+        add("centres", "Centres", "c");
+        if (mesh) {
+            add("mesh", "Mesh", "m");
+            add("grey", "Grey mesh", "g");
+            add("normals", "Normals", "n");
+            add("wires", "Wires", "w");
+        }
+        if (full_ > 0 && mesh) add("error", "Mesh error", "e");
+        if (full_ > 0) add("centre-error", "Centre error", "x");
+        return text;
+    }
+
+    std::string layers() const {
+        const auto button = [](const char* name, const char* label, const char* key) {
+            return str("<button type=\"button\" data-show=\"", name,
+                       "\" aria-pressed=\"true\" aria-keyshortcuts=\"", key, "\">", label,
+                       "<kbd aria-hidden=\"true\">", key, "</kbd></button>");
+        };
+        return button("cameras", "Cameras", "f") +
+               (has_photos_ ? button("photo", "Photograph", "p") : "");
+    }
+
     std::string html() {
+        JsonValue runs = JsonValue::list();
         std::string title, summary;
         for (std::size_t i = 0; i < runs_.size(); ++i) {
+            runs.items.push_back(abouts_[i]);
             title += (i ? " beside " : "") + runs_[i].name;
             summary += str(i ? "; " : "", rows_[i][1], " splats", runs_.size() > 1 ? " of " : "",
                            runs_.size() > 1 ? runs_[i].name : "");
@@ -303,43 +342,53 @@ private:
             for (const std::uint8_t channel : {c.r, c.g, c.b})
                 palette += static_cast<char>(channel);
         }
-        about_.add("origin", list_of(options_.origin))
-            .add("unit", options_.metres ? "metres" : "units")
-            .add("follow", options_.follow ? 1.0 : 0.0)
-            .add("truth", full_ > 0 ? 1.0 : 0.0)
-            .add("runs", abouts_)
-            .add("palette", base64(palette));
+        about_.set("origin", list_of(options_.origin));
+        about_.set("unit", options_.metres ? "metres" : "units");
+        about_.set("follow", options_.follow ? 1.0 : 0.0);
+        about_.set("runs", std::move(runs));
+        about_.set("palette", base64(palette));
         std::string notes;
         for (const std::string& text : notes_)
             notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
-        return filled(kViewPage,
-                      {{"policy", str(kViewPolicy, options_.follow ? "; connect-src 'self'" : "")},
-                       {"title", escaped(title) + ": view"},
-                       {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
-                       {"heading", escaped(title)},
-                       {"summary", escaped(str(summary, "; ", cameras_.size(), " cameras."))},
-                       {"notes", notes},
-                       {"view", escaped(str("View in 3D of ", summary, "."))},
-                       {"panes", panes_ + overlays_},
-                       {"cameras", cameras_html_},
-                       {"unit", options_.metres ? "metres" : "scene units"},
-                       {"scale", full_ > 0 ? error_scale(full_) : ""},
-                       {"parts", parts_},
-                       {"version", escaped(kVersion)},
-                       {"about", json_for_page(about_)},
-                       {"data", data_},
-                       {"script", kViewScript}});
+        return filled(
+            kViewPage,
+            {{"policy", str(kViewPolicy, options_.follow ? "; connect-src 'self'" : "")},
+             {"title", escaped(title) + ": view"},
+             {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
+             {"heading", escaped(title)},
+             {"summary", escaped(str(summary, "; ", cameras_.size(), " cameras."))},
+             {"notes", notes},
+             {"view", escaped(str("View in 3D of ", summary, "."))},
+             {"panes", panes_ + overlays_},
+             {"modes", modes()},
+             {"layers", layers()},
+             {"photo", has_photos_ ? "<label>Opacity <input id=\"opacity\" type=\"range\" "
+                                     "min=\"0\" max=\"100\" value=\"50\"></label>"
+                                   : ""},
+             {"cameras", cameras_html_},
+             {"scale", full_ > 0
+                           ? str("<div id=\"scale\" hidden><p>Distance to the true surface, "
+                                 "in ",
+                                 options_.metres ? "metres" : "scene units",
+                                 ". Grey: not measured.</p>\n", error_scale(full_), "</div>\n")
+                           : ""},
+             {"parts", parts_},
+             {"version", escaped(kVersion)},
+             {"about", json_for_page(about_)},
+             {"data", data_},
+             {"script", kViewScript}});
     }
 
     std::vector<ViewRun> runs_;
     const std::vector<ViewCamera>& cameras_;
     const ViewPageOptions& options_;
-    JsonValue about_;
+    JsonValue about_ = JsonValue::object();
     std::vector<JsonValue> abouts_;  // of the runs
-    Rows rows_;
+    std::vector<std::vector<std::string>> rows_;
     std::string poster_, panes_, overlays_, cameras_html_, parts_, data_;
     std::vector<std::string> notes_;
     double full_ = 0;  // end of the error colour scale; 0: no truth
+    bool has_photos_ = false;
 };
 
 }  // namespace

@@ -1,14 +1,16 @@
 #include "report/view_run.h"
 
-#include <set>
+#include <algorithm>
+#include <filesystem>
 
+#include "core/log.h"
 #include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "mesh/simplify/simplify.h"
 #include "pipeline/run/run_folder.h"
-#include "report/figures.h"
-#include "report/run_report.h"
+#include "pipeline/run/run_options.h"
+#include "report/data.h"
 
 namespace tvsgs {
 namespace {
@@ -16,6 +18,21 @@ namespace {
 constexpr std::size_t kFewPhotos = 12;  // from a scene that was loaded for another purpose
 
 namespace fs = std::filesystem;
+
+bool exists(const std::string& path) {
+    std::error_code code;
+    return fs::is_regular_file(path, code);
+}
+
+RunOptions options_of(const std::string& run) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_file(run_config_path(run));
+    options.scene.need_points = false;
+    options.scene.min_train_views = 1;
+    return options;
+}
 
 /// An entry of cameras.json, in double.
 struct FileCamera {
@@ -25,17 +42,14 @@ struct FileCamera {
 };
 
 FileCamera file_camera(const JsonValue& json, const std::string& path) {
-    const auto require = [&](bool found, const char* what) {
-        if (!found)
-            throw input_error(path, ": a camera lacks ", what,
-                              "; expected the file of tvsgs-train");
-    };
     const auto number = [&](const JsonValue& value) {
-        require(value.is(JsonValue::Kind::number), "numbers");
+        if (!value.is(JsonValue::Kind::number))
+            throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
         return value.number;
     };
     const auto vector = [&](const JsonValue& list) {
-        require(list.items.size() == 3, "numbers");
+        if (list.items.size() != 3)
+            throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
         return Vec3d{number(list.items[0]), number(list.items[1]), number(list.items[2])};
     };
     FileCamera out{json["img_name"].text, {}, vector(json["position"])};
@@ -57,7 +71,8 @@ FileCamera file_camera(const JsonValue& json, const std::string& path) {
     if (!(c.fx_px > 0) || !(c.fy_px > 0))
         throw input_error(path, ": a camera has a focal length of 0 px or less");
     const auto& rows = json["rotation"].items;  // world_from_camera
-    require(rows.size() == 3, "its rotation");
+    if (rows.size() != 3)
+        throw input_error(path, ": a camera lacks its rotation; expected the file of tvsgs-train");
     for (std::size_t r = 0; r < 3; ++r) {
         const Vec3d row = vector(rows[r]);
         for (int k = 0; k < 3; ++k) c.camera_from_world.R[k][r] = static_cast<float>(row[k]);
@@ -68,7 +83,7 @@ FileCamera file_camera(const JsonValue& json, const std::string& path) {
 std::vector<FileCamera> file_cameras(const std::string& run) {
     const std::string path = run + "/cameras.json";
     std::vector<FileCamera> cameras;
-    for (const JsonValue& entry : read_json(path).items)
+    for (const JsonValue& entry : parse_json_value(read_bytes(path), path).items)
         cameras.push_back(file_camera(entry, path));
     if (cameras.empty()) throw input_error(path, ": no cameras; expected at least one");
     return cameras;
@@ -81,20 +96,27 @@ ViewCamera placed(FileCamera&& file, Vec3d origin) {
     return view;
 }
 
-/// Marks test views, and adds at most `count` evenly spaced photographs; copies those of a const
-/// scene, and takes the others.
-template <class AnyScene>
-void add_photographs(std::vector<ViewCamera>& cameras, AnyScene& scene, std::size_t count) {
-    std::vector<std::string> names;
-    for (const ViewCamera& camera : cameras) names.push_back(camera.name);
-    names = thinned(names, count);
-    const std::set<std::string> chosen(names.begin(), names.end());
-    for (auto* const views : {&scene.train, &scene.test})
-        for (auto& view : *views)
-            for (ViewCamera& camera : cameras) {
-                if (camera.name != view.name) continue;
-                camera.test = views == &scene.test;
-                if (chosen.contains(view.name)) camera.photo = std::move(view.photo);
+void add_photographs(std::vector<ViewCamera>& cameras, Scene scene) {
+    for (std::vector<View>* views : {&scene.train, &scene.test})
+        for (View& view : *views)
+            for (ViewCamera& camera : cameras)
+                if (camera.name == view.name) {
+                    camera.photo = std::move(view.photo);
+                    camera.test = views == &scene.test;
+                }
+}
+
+/// Marks test views, and adds a few evenly spaced photographs.
+void add_some_photographs(std::vector<ViewCamera>& cameras, const Scene& scene) {
+    const std::size_t n = cameras.size(), kept = std::min(n, kFewPhotos);
+    std::vector<bool> chosen(n);
+    for (std::size_t k = 0; k < kept; ++k) chosen[kept < 2 ? 0 : k * (n - 1) / (kept - 1)] = true;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views)
+            for (std::size_t i = 0; i < n; ++i) {
+                if (cameras[i].name != view.name) continue;
+                cameras[i].test = views == &scene.test;
+                if (chosen[i]) cameras[i].photo = view.photo;
             }
 }
 
@@ -104,11 +126,18 @@ EvaluationOptions truth_options(const EvaluationOptions& of_run, const std::stri
     EvaluationOptions options = of_run;
     for (const char* name : {"geometry", "geometry_centres"}) {
         const std::string path = str(run, "/eval/", name, ".json");
-        if (!is_file(path) || !options.gt.empty()) continue;
-        const JsonValue inputs = read_json(path)["inputs"];
+        if (!exists(path) || !options.gt.empty()) continue;
+        const JsonValue inputs = parse_json_value(read_bytes(path), path)["inputs"];
         options.gt = inputs["gt"].text, options.crop = inputs["crop"].text;
     }
     return options;
+}
+
+std::string name_of(const std::string& run) {
+    std::error_code code;
+    fs::path clean = fs::absolute(run, code).lexically_normal();
+    if (clean.filename().empty()) clean = clean.parent_path();
+    return clean.filename().string();
 }
 
 ViewRun read_run(const std::string& path,
@@ -116,11 +145,11 @@ ViewRun read_run(const std::string& path,
                  Vec3d origin,
                  const std::vector<ViewCamera>& cameras,
                  std::vector<std::string>* missing) {
-    const RunOptions options = options_of_run(path);
-    std::error_code code;
+    const RunOptions options = options_of(path);
     ViewRun run;
-    run.name = folder_name(fs::absolute(path, code));
+    run.name = name_of(path);
     run.train = options.train;
+    std::error_code code;
     if (input.may_train && !fs::exists(path + "/point_cloud", code))
         resize(run.splats, 0, 0);
     else
@@ -154,7 +183,8 @@ ViewRun read_run(const std::string& path,
         "plots",
         [&] {
             const std::string report = path + "/report.json";
-            if (is_file(report)) run.evaluations = read_json(report)["evaluations"];
+            if (exists(report))
+                run.evaluations = parse_json_value(read_bytes(report), report)["evaluations"];
         },
         input.whole, missing);
     return run;
@@ -162,54 +192,29 @@ ViewRun read_run(const std::string& path,
 
 }  // namespace
 
-bool is_file(const std::string& path) {
-    std::error_code code;
-    return fs::is_regular_file(path, code);
-}
-
-JsonValue read_json(const std::string& path) {
-    return parse_json_value(read_bytes(path), path);
-}
-
-std::string folder_name(const fs::path& path) {
-    const fs::path clean = path.lexically_normal();
-    return (clean.filename().empty() ? clean.parent_path() : clean).filename().string();
-}
-
-RunOptions options_of_run(const std::string& run) {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    table.read_file(run_config_path(run));
-    options.scene.need_points = false;
-    return options;
-}
-
 bool in_metres(const std::string& run, const std::string& scene) {
     const std::string prepared = scene + "/prepare.json";
-    return is_file(run + "/georeference.json") || is_file(scene + "/georeference.json") ||
-           (is_file(prepared) && read_json(prepared)["metric"]);
+    return exists(run + "/georeference.json") || exists(scene + "/georeference.json") ||
+           (exists(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
 }
 
 ViewSubject read_view_subject(const ViewInput& input) {
     ViewSubject subject;
-    SceneOptions scene = options_of_run(input.runs.front()).scene;
-    scene.min_train_views = 1;
+    RunOptions first = options_of(input.runs.front());
     std::vector<FileCamera> files = file_cameras(input.runs.front());
     std::vector<Vec3d> centres;
     for (const FileCamera& c : files) centres.push_back(c.centre);
     const Vec3d origin = subject.origin = local_origin(centres);
     for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
-    if (!input.scene.empty()) scene.path = input.scene;
+    if (!input.scene.empty()) first.scene.path = input.scene;
     if_possible(
-        "the unit", [&] { subject.metres = in_metres(input.runs.front(), scene.path); },
+        "the unit", [&] { subject.metres = in_metres(input.runs.front(), first.scene.path); },
         input.whole, &subject.missing);
     const auto read = [&] {
-        Scene own = read_scene_of_run(scene, input.runs.front());
-        add_photographs(subject.cameras, own, subject.cameras.size());
+        add_photographs(subject.cameras, read_scene_of_run(first.scene, input.runs.front()));
     };
     if (input.loaded != nullptr)
-        add_photographs(subject.cameras, *input.loaded, kFewPhotos);
+        add_some_photographs(subject.cameras, *input.loaded);
     else
         if_possible("photographs", read, input.whole, &subject.missing);
     for (const std::string& run : input.runs)

@@ -1,11 +1,9 @@
 // Reads runs from their folders for pages of tvsgs-view.
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
-#include "pipeline/run/run_options.h"
 #include "report/view_page.h"
 
 namespace tvsgs {
@@ -31,15 +29,6 @@ struct ViewSubject {
     bool metres = false;               // the scene's unit is known to be the metre
     std::vector<std::string> missing;  // parts left out, with reasons
 };
-
-bool is_file(const std::string& path);
-JsonValue read_json(const std::string& path);
-
-/// The last name in a path, which may end with a slash.
-std::string folder_name(const std::filesystem::path& path);
-
-/// The options of a run's config.json, for reading its scene without points.
-RunOptions options_of_run(const std::string& run);
 
 /// Whether the scene of a run was put in place (georeference.json) or scaled by markers
 /// (prepare.json).

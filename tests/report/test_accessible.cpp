@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "io/files/atomic_file.h"
-#include "report/figures.h"
 #include "report/html.h"
+#include "report/pictures.h"
 #include "view_cases.h"
 
 namespace tvsgs {

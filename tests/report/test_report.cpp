@@ -13,6 +13,7 @@
 #include "pipeline/run/train_evaluation.h"
 #include "report/figures.h"
 #include "report/html.h"
+#include "report/pictures.h"
 #include "report/plot.h"
 #include "report/verdict.h"
 #include "support/browser.h"
@@ -105,20 +106,23 @@ TEST(ReportPlots, LeaveOutWhatHasNoPlace) {
     const Plot plot{"T",
                     "x",
                     "y",
-                    {{"a<b", {0, 1, 10, 100}, {1, nan, 0, 5}, true},
-                     {"c", {1, 10}, {2, 3}, false, {1, 2}, {3, 4}}},
                     true,
-                    true};
+                    true,
+                    false,
+                    {{"a<b", {0, 1, 10, 100}, {1, nan, 0, 5}, {}, {}, true},
+                     {"c", {1, 10}, {2, 3}, {1, 2}, {3, 4}, false}},
+                    ""};
     const std::string svg = plot_svg(plot, "p1");
     EXPECT_EQ(svg.find("nan"), std::string::npos);
     EXPECT_EQ(svg.find("inf"), std::string::npos);
     EXPECT_NE(svg.find("a&lt;b"), std::string::npos);
     EXPECT_EQ(count_of(svg, "class=\"band\""), 1u);
     EXPECT_NE(svg.find("aria-labelledby=\"p1-t p1-d\""), std::string::npos);
-    for (const Plot& odd : {Plot{}, Plot{"e", "", "", {{"", {}, {}}}, true, true},
-                            Plot{"c", "", "", {{"", {1, 2}, {0, 0}}}, false, false, true},
-                            Plot{"n", "", "", {{"", {1, 2}, {-1, -1}}}, true, true},
-                            Plot{"h", "", "", {{"", {1, 2}, {1e300, -1e300}}}}}) {
+    for (const Plot& odd :
+         {Plot{}, Plot{"e", "", "", true, true, false, {{"", {}, {}, {}, {}}}, ""},
+          Plot{"c", "", "", false, false, true, {{"", {1, 2}, {0, 0}, {}, {}}}, ""},
+          Plot{"n", "", "", true, true, false, {{"", {1, 2}, {-1, -1}, {}, {}}}, ""},
+          Plot{"h", "", "", false, false, false, {{"", {1, 2}, {1e300, -1e300}, {}, {}}}, ""}}) {
         const std::string text = plot_svg(odd, "p");
         EXPECT_EQ(text.find("nan"), std::string::npos) << odd.title;
         EXPECT_NE(text.find("</svg>"), std::string::npos);

@@ -8,7 +8,7 @@
 #include "io/files/atomic_file.h"
 #include "io/splats/splat_files.h"
 #include "render/backbone.h"
-#include "report/figures.h"
+#include "report/pictures.h"
 #include "report/view_pack.h"
 #include "report/view_page.h"
 #include "view_cases.h"

@@ -4,7 +4,7 @@
 #include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
 #include "io/splats/splat_files.h"
-#include "report/figures.h"
+#include "report/pictures.h"
 #include "view_cases.h"
 
 namespace tvsgs {
@@ -48,7 +48,7 @@ async function drive(viewer) {
   seen.current = document.querySelector('button[aria-current]').dataset.camera;
   key(']'); await rest(); seen.next = viewer.camera;
   key('ArrowLeft'); await rest(); seen.after = viewer.camera; seen.hidden = photo.hidden;
-  const button = document.querySelector('button[data-act=photo]');
+  const button = document.querySelector('button[data-show=photo]');
   seen.without = [button.disabled, element('why').textContent].join(); key('Enter'); await rest(); await rest(); seen.with = button.disabled;
   key('c'); seen.centres = viewer.mode + modeInput('centres').checked;
   key('m'); seen.mesh = viewer.mode;  // there is none

@@ -45,7 +45,7 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
   if (degree > 3 || bytes.byteLength < 16 + count * (20 + shBytes))
     throw Error('the splats of this page are damaged');
   const alphas = 16 + 9 * count, colors = alphas + count, scales = colors + 3 * count,
-        rotations = scales + 3 * count, harmonics = rotations + 4 * count;
+        rotations = scales + 3 * count, sh = rotations + 4 * count;
   const rows = Math.max(1, Math.ceil(count / kPerRow)), cells = rows * kPerRow;
   const places = new Uint32Array(4 * cells), shapes = new Uint32Array(2 * cells);
   const floats = new Float32Array(places.buffer), positions = new Float32Array(3 * count);
@@ -61,12 +61,20 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
         bytes[s] | bytes[s + 1] << 8 | bytes[s + 2] << 16 | (errors ? errors[i] : 255) << 24;
     shapes[2 * i + 1] = head.getUint32(rotations + 4 * i, true);
   }
-  const layers = Math.ceil(shBytes / 16), sh = new Uint32Array(4 * layers * cells),
-        texels = new Uint8Array(sh.buffer);
+  const layers = Math.ceil(shBytes / 16), harmonics = new Uint8Array(16 * layers * cells);
   for (let i = 0; i < count; ++i)
     for (let b = 0; b < shBytes; ++b)
-      texels[16 * ((b >> 4) * cells + i) + (b & 15)] = bytes[harmonics + shBytes * i + b];
-  return {count, degree, rows, layers, positions, places, shapes, sh};
+      harmonics[16 * ((b >> 4) * cells + i) + (b & 15)] = bytes[sh + shBytes * i + b];
+  return {
+    count,
+    degree,
+    rows,
+    layers,
+    positions,
+    places,
+    shapes,
+    sh: new Uint32Array(harmonics.buffer)
+  };
 }
 
 /** The box of most positions, without the outermost hundredth at each side. */
@@ -102,7 +110,10 @@ function unpackSplatsAside(bytes, errors, shift) {
   return new Promise((resolve, reject) => {
     worker.onmessage = ({data}) => {
       worker.terminate();
-      data.splats ? resolve(data.splats) : reject(Error(data.failed));
+      if (data.splats)
+        resolve(data.splats);
+      else
+        reject(Error(data.failed));
     };
     worker.onerror = event => reject(Error(event.message));
     worker.postMessage([bytes, errors, shift], [bytes.buffer]);
@@ -138,16 +149,22 @@ function sorter() {
   const counts = new Uint32Array(1 << 16), float = new Float32Array(1);
   // Bit patterns of positive floats, which sort like the floats.
   const bits = new Uint32Array(float.buffer);
-  const bitsOf = z => (float[0] = z, bits[0]);
+  const bitsOf = z => {
+    float[0] = z;
+    return bits[0];
+  };
   /** Replaces counts by offsets (exclusive prefix sum); returns the total. */
   const begin = bins => {
     let sum = 0;
-    for (let b = 0; b < bins; ++b) sum += counts[b], counts[b] = sum - counts[b];
+    for (let b = 0; b < bins; ++b) {
+      const count = counts[b];
+      counts[b] = sum, sum += count;
+    }
     return sum;
   };
   let positions, n, depths, keys, half, order, low, high;
-  const start = given => {
-    positions = given, n = positions.length / 3;
+  const start = () => {
+    n = positions.length / 3;
     depths = new Float32Array(n), keys = new Uint32Array(depths.buffer);
     half = new Uint16Array(n), order = new Uint32Array(n);
     low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -159,7 +176,11 @@ function sorter() {
       }
   };
   onmessage = ({data}) => {
-    if (data.positions) return start(data.positions);
+    if (data.positions) {
+      positions = data.positions;
+      start();
+      return;
+    }
     const {forward, offset, near, exactly} = data, [fx, fy, fz] = forward;
     const result = data.buffer || new Uint32Array(n);
     let close = offset, far = offset;  // of the box of all centres

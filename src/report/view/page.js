@@ -68,8 +68,13 @@ async function follow(viewer) {
  */
 async function patiently(promise) {
   let over = !query.has('test') && !query.has('wait'), sum = 0;
-  const end = () => over = true;
-  promise.then(end, end);
+  promise.then(
+      () => {
+        over = true;
+      },
+      () => {
+        over = true;
+      });
   while (!over) {
     for (let i = 0; i < 1e6; ++i) sum += Math.sin(i);
     await new Promise(resolve => setTimeout(resolve, 1));
@@ -87,11 +92,15 @@ async function test(viewer) {
     await new Promise(resolve => {
       viewer.ask = resolve;
       run.cloud.sortedFor = null;
-      if (run.cloud.count === 0) resolve();
-      renderer.sort(run.cloud, run.about.near, view, true);
+      if (run.cloud.count === 0)
+        resolve();
+      else
+        renderer.sort(run.cloud, run.about.near, view, true);
     });
     const pixels = renderer.picture(run, view, size('width'), size('height'), viewer.shown);
-    results.push(btoa(Array.from(pixels, byte => String.fromCharCode(byte)).join('')));
+    let text = '';
+    for (const byte of pixels) text += String.fromCharCode(byte);
+    results.push(btoa(text));
   }
   const unmasked = gl.getExtension('WEBGL_debug_renderer_info');
   return {

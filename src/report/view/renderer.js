@@ -21,6 +21,7 @@ class Renderer {
       finish: program(kScreenVertex, kFinishFragment)
     };
     this.runs = [];
+    this.target = null;
     this.nothing = gl.createVertexArray();
   }
 
@@ -46,7 +47,7 @@ class Renderer {
   }
 
   texture(kind, allocate, fill, filter) {
-    const gl = this.gl, texture = Object.assign(gl.createTexture(), {kind});
+    const gl = this.gl, texture = gl.createTexture();
     gl.bindTexture(kind, texture);
     allocate();
     if (fill) fill();
@@ -55,22 +56,6 @@ class Renderer {
     for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
       gl.texParameteri(kind, name, gl.CLAMP_TO_EDGE);
     return texture;
-  }
-
-  /** A framebuffer that draws to a texture. */
-  frameOf(texture) {
-    const gl = this.gl, frame = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-    return frame;
-  }
-
-  /** Adds depths of that size to the bound framebuffer. */
-  addDepth(depth, width, height) {
-    const gl = this.gl, kind = gl.RENDERBUFFER;
-    gl.bindRenderbuffer(kind, depth);
-    gl.renderbufferStorage(kind, gl.DEPTH_COMPONENT24, width, height);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, kind, depth);
   }
 
   flat(format, width, height, layout, type, data) {
@@ -113,7 +98,9 @@ class Renderer {
                  array, 0, 0, 0, 0, kPerRow, rows, depth, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
                  splats.sh)));
     cloud.colors = this.flat(this.format, kPerRow, rows);
-    cloud.colorTarget = this.frameOf(cloud.colors);
+    cloud.colorTarget = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, cloud.colors, 0);
     cloud.order = gl.createBuffer();
     cloud.quads = gl.createVertexArray();
     gl.bindVertexArray(cloud.quads);
@@ -171,16 +158,18 @@ class Renderer {
 
   /** Requests sorting for the view, unless the present order is exact, or close enough. */
   sort(cloud, near, view, exactly) {
-    const forward = view.rows[2], offset = -dot(forward, view.centre), last = cloud.sortedFor;
+    const [fx, fy, fz] = view.rows[2], offset = -dot(view.rows[2], view.centre);
+    const last = cloud.sortedFor;
     if (cloud.sorting || cloud.count === 0) return;
-    if (last && last.forward.join() === forward.join() && last.offset === offset &&
+    if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset &&
         (last.exactly || !exactly))
       return;
-    if (last && !exactly && dot(forward, last.forward) > Math.cos(0.5 * Math.PI / 180) &&
+    const turned = last ? fx * last.fx + fy * last.fy + fz * last.fz : -1;
+    if (last && !exactly && turned > Math.cos(0.5 * Math.PI / 180) &&
         Math.abs(offset - last.offset) < 0.002 * view.distance)
       return;
-    cloud.sortedFor = {forward, offset, exactly}, cloud.sorting = true;
-    const message = {forward, offset, near, exactly};
+    cloud.sortedFor = {fx, fy, fz, offset, exactly}, cloud.sorting = true;
+    const message = {forward: [fx, fy, fz], offset, near, exactly};
     if (cloud.spare) message.buffer = cloud.spare;
     cloud.worker.postMessage(message, cloud.spare ? [cloud.spare.buffer] : []);
     cloud.spare = null;
@@ -197,24 +186,23 @@ class Renderer {
     const sums = this.texture(
         gl.TEXTURE_2D, () => gl.texStorage2D(gl.TEXTURE_2D, 1, this.format, width, height), null,
         gl.LINEAR);
-    const depth = gl.createRenderbuffer(), frame = this.frameOf(sums);
-    this.addDepth(depth, width, height);
+    const depth = gl.createRenderbuffer(), frame = gl.createFramebuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, sums, 0);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
     this.target = {width, height, sums, depth, frame};
   }
 
-  /** Selects a program and its textures, by uniform; returns where its uniforms are. */
-  use({handle, at}, textures) {
+  bind(unit, kind, texture, at) {
     const gl = this.gl;
-    gl.useProgram(handle);
-    for (const [unit, [name, texture]] of Object.entries(textures).entries()) {
-      gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(texture.kind, texture);
-      gl.uniform1i(at[name], unit);
-    }
-    return at;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(kind, texture);
+    gl.uniform1i(at, unit);
   }
 
-  setView(at, {view, lens, width, height}, near, box) {
+  setView(at, view, lens, width, height, near, box) {
     const gl = this.gl, [r, d, f] = view.rows, c = view.centre;
     gl.uniform3fv(at.uRight, r), gl.uniform3fv(at.uDown, d), gl.uniform3fv(at.uForward, f);
     gl.uniform3f(at.uOffset, -dot(r, c), -dot(d, c), -dot(f, c));
@@ -233,8 +221,12 @@ class Renderer {
                              view.centre.join();
     if (key === cloud.colorKey) return;
     cloud.colorKey = key;
-    const {places: uPlaces, shapes: uShapes, sh: uSh} = cloud, uPalette = run.palette;
-    const gl = this.gl, at = this.use(this.programs.colors, {uPlaces, uShapes, uSh, uPalette});
+    const gl = this.gl, {handle, at} = this.programs.colors;
+    gl.useProgram(handle);
+    this.bind(0, gl.TEXTURE_2D, cloud.places, at.uPlaces);
+    this.bind(1, gl.TEXTURE_2D, cloud.shapes, at.uShapes);
+    this.bind(2, gl.TEXTURE_2D_ARRAY, cloud.sh, at.uSh);
+    this.bind(3, gl.TEXTURE_2D, run.palette, at.uPalette);
     gl.uniform1i(at.uCount, cloud.count);
     gl.uniform1i(at.uCoefficients, (cloud.degree + 1) * (cloud.degree + 1) - 1);
     gl.uniform1i(at.uErrors, Boolean(show.error));
@@ -251,18 +243,18 @@ class Renderer {
    * `show`: a mode of the view, and the box of the cut.
    */
   drawRun(run, view, width, height, show) {
-    const gl = this.gl, picture = {view, lens: lensIn(view, width, height), width, height};
+    const gl = this.gl, lens = lensIn(view, width, height);
     if (show.splats || show.centres) this.colorSplats(run, view, show);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.frame);
     this.clear(width, height);
-    if (show.mesh && show.look === 'wire') {
+    if (show.mesh && run.mesh && show.look === 'wire') {
       gl.enable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
-      this.drawMesh(run, picture, show.box, 'fill');
+      this.drawMesh(run, view, lens, width, height, show.box, 'fill');
       gl.disable(gl.POLYGON_OFFSET_FILL);
     }
-    if (show.mesh) this.drawMesh(run, picture, show.box, show.look);
-    if (show.splats || show.centres) this.drawSplats(run, picture, show);
+    if (show.mesh && run.mesh) this.drawMesh(run, view, lens, width, height, show.box, show.look);
+    if (show.splats || show.centres) this.drawSplats(run, view, lens, width, height, show);
   }
 
   clear(width, height) {
@@ -272,11 +264,11 @@ class Renderer {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   }
 
-  drawMesh(run, picture, box, look) {
-    if (!run.mesh) return;
-    const gl = this.gl, {low, high} = run.about.mesh;
-    const at = this.use(this.programs.mesh, {uPalette: run.palette});
-    this.setView(at, picture, run.about.near, box);
+  drawMesh(run, view, lens, width, height, box, look) {
+    const gl = this.gl, {handle, at} = this.programs.mesh, {low, high} = run.about.mesh;
+    gl.useProgram(handle);
+    this.setView(at, view, lens, width, height, run.about.near, box);
+    this.bind(0, gl.TEXTURE_2D, run.palette, at.uPalette);
     gl.uniform3fv(at.uCorner, low);
     gl.uniform3fv(at.uSpan, minus(high, low));
     gl.uniform1i(at.uLook, looks[look]);
@@ -297,13 +289,15 @@ class Renderer {
   }
 
   /** `probe`: {pixel, bins} of the shaders, or nothing. */
-  drawSplats(run, picture, show, probe) {
+  drawSplats(run, view, lens, width, height, show, probe) {
     if (run.cloud.drawn === 0) return;
-    const gl = this.gl, {lens, width, height} = picture;
-    const {places: uPlaces, shapes: uShapes, colors: uColors} = run.cloud;
-    const at = this.use(
-        this.programs[run.about.discs ? 'discs' : 'ellipses'], {uPlaces, uShapes, uColors});
-    this.setView(at, picture, run.about.near, show.box);
+    const gl = this.gl,
+          {handle, at} = run.about.discs ? this.programs.discs : this.programs.ellipses;
+    gl.useProgram(handle);
+    this.setView(at, view, lens, width, height, run.about.near, show.box);
+    this.bind(0, gl.TEXTURE_2D, run.cloud.places, at.uPlaces);
+    this.bind(1, gl.TEXTURE_2D, run.cloud.shapes, at.uShapes);
+    this.bind(2, gl.TEXTURE_2D, run.cloud.colors, at.uColors);
     const u = [-lens.cx / lens.fx, (width - lens.cx) / lens.fx],
           v = [-lens.cy / lens.fy, (height - lens.cy) / lens.fy];
     const du = 0.15 * width / lens.fx, dv = 0.15 * height / lens.fy;
@@ -327,25 +321,30 @@ class Renderer {
    */
   depthAt(run, view, width, height, x, y, show) {
     const gl = this.gl, lens = lensIn(view, width, height), probe = this.probe = this.probe || {
-      frame: this.frameOf(this.flat(gl.RGBA8, kBins, 1)),
+      texture: this.flat(gl.RGBA8, kBins, 1),
       depth: gl.createRenderbuffer(),
+      frame: gl.createFramebuffer(),
       pixels: new Uint8Array(4 * kBins)
     };
     gl.bindFramebuffer(gl.FRAMEBUFFER, probe.frame);
-    this.addDepth(probe.depth, kBins, 1);
+    gl.bindRenderbuffer(gl.RENDERBUFFER, probe.depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, kBins, 1);
+    const at = gl.FRAMEBUFFER;
+    gl.framebufferTexture2D(at, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, probe.texture, 0);
+    gl.framebufferRenderbuffer(at, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, probe.depth);
     const read = n => gl.readPixels(0, 0, n, 1, gl.RGBA, gl.UNSIGNED_BYTE, probe.pixels);
     if (show.mesh) {
       if (!run.mesh) return 0;
       this.clear(1, 1);
       const shifted = {...lens, cx: lens.cx - x + 0.5, cy: lens.cy - y + 0.5};
-      this.drawMesh(run, {view, lens: shifted, width: 1, height: 1}, show.box, 'depth');
+      this.drawMesh(run, view, shifted, 1, 1, show.box, 'depth');
       read(1);
       return new DataView(probe.pixels.buffer).getFloat32(0, true);
     }
     let low = run.about.near, range = Math.log(1e6), half = 0;
     for (let pass = 0; pass < 2; ++pass) {
       this.clear(kBins, 1);
-      this.drawSplats(run, {view, lens, width, height}, show, {pixel: [x, y], bins: [low, range]});
+      this.drawSplats(run, view, lens, width, height, show, {pixel: [x, y], bins: [low, range]});
       read(kBins);
       const alpha = k => probe.pixels[4 * k + 3];
       if (pass === 0) half = alpha(kBins - 1) / 2;
@@ -359,10 +358,11 @@ class Renderer {
 
   /** Copies the result of drawRun() into a rectangle of `frame` (null: the canvas). */
   finish(frame, x, y, width, height, drawnWidth, drawnHeight) {
-    const gl = this.gl;
+    const gl = this.gl, {handle, at} = this.programs.finish;
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.viewport(x, y, width, height);
-    const at = this.use(this.programs.finish, {uSums: this.target.sums});
+    gl.useProgram(handle);
+    this.bind(0, gl.TEXTURE_2D, this.target.sums, at.uSums);
     gl.uniform2f(at.uShare, drawnWidth / this.target.width, drawnHeight / this.target.height);
     gl.bindVertexArray(this.nothing);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -373,7 +373,9 @@ class Renderer {
     const gl = this.gl;
     this.makeTarget(width, height);
     this.drawRun(run, view, width, height, show);
-    const texture = this.flat(gl.RGBA8, width, height), frame = this.frameOf(texture);
+    const texture = this.flat(gl.RGBA8, width, height), frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
     this.finish(frame, 0, 0, width, height, width, height);
     const rows = new Uint8Array(4 * width * height), pixels = new Uint8Array(rows.length);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);

@@ -17,21 +17,6 @@ const looks = {
 };
 const kBins = 1024;  // depths of a probe
 
-/** The view that a vertex is drawn for. */
-const kViewSource = `
-uniform vec3 uRight, uDown, uForward, uOffset;  // camera_from_world
-uniform vec4 uLens;                             // fx, fy, cx, cy in px
-uniform vec2 uSize;                             // px
-uniform float uNear;
-vec3 rotated(vec3 v) { return vec3(dot(uRight, v), dot(uDown, v), dot(uForward, v)); }
-`;
-
-/** The box of the cut. */
-const kCutSource = `
-uniform vec3 uLow, uHigh;
-bool isCut(vec3 place) { return any(lessThan(place, uLow)) || any(greaterThan(place, uHigh)); }
-`;
-
 const kSplatSource = `
 uniform usampler2D uPlaces, uShapes;
 ivec2 cellOf(uint splat) { return ivec2(int(splat & 1023u), int(splat >> 10)); }
@@ -90,10 +75,13 @@ void main() {
 }`;
 
 /** Shared by both kinds of splats. \`reach\`: radius in deviations where alpha falls to uLeast. */
-const kSplatVertexHead = kVersion + kViewSource + kCutSource + kSplatSource + `
+const kSplatVertexHead = kVersion + kSplatSource + `
 uniform sampler2D uColors;
-uniform vec4 uClamp;  // range of x/z and y/z
-uniform float uLowPass, uLeast;
+uniform vec3 uRight, uDown, uForward, uOffset;  // camera_from_world
+uniform vec4 uLens, uClamp;                     // fx, fy, cx, cy in px; range of x/z and y/z
+uniform vec2 uSize;                             // px
+uniform float uNear, uLowPass, uLeast;
+uniform vec3 uLow, uHigh;  // of the cut
 uniform bool uDots, uProbe;
 uniform vec2 uPixel;  // of a probe, px
 layout(location = 0) in uint aSplat;
@@ -107,12 +95,13 @@ bool fetchSplat() {
   uvec4 words = texelFetch(uPlaces, cell, 0);
   uvec2 shape = texelFetch(uShapes, cell, 0).xy;
   place = uintBitsToFloat(words.xyz);
-  p = rotated(place) + uOffset;
+  p = vec3(dot(uRight, place), dot(uDown, place), dot(uForward, place)) + uOffset;
   opacity = float(words.w >> 24) / 255.;
   vColor = vec4(texelFetch(uColors, cell, 0).rgb, opacity);
   gl_Position = vec4(2, 2, 2, 1);  // outside of the image
   vProbed = 0.;
-  if (isCut(place) || !(p.z > uNear) || !(opacity > uLeast)) return false;
+  if (any(lessThan(place, uLow)) || any(greaterThan(place, uHigh))) return false;
+  if (!(p.z > uNear) || !(opacity > uLeast)) return false;
   reach = sqrt(2. * log(opacity / uLeast));
   scales = exp(bytesOf(shape.x).xyz / 16. - 10.);
   // The smallest three of (x, y, z, w), stored from the last one on.
@@ -229,9 +218,10 @@ bool box(vec2 rx, vec2 ry, vec2 rz, float r, out vec2 middle, out vec2 extent) {
   extent = sqrt(max(middle * middle - f * vec2(dot(rx, rx), dot(ry, ry)), 1e-4));
   return true;
 }
+vec3 inCamera(vec3 v) { return vec3(dot(uRight, v), dot(uDown, v), dot(uForward, v)); }
 void main() {
   if (!fetchSplat() || dotted()) return;
-  vec3 a = scales.x * rotated(axisX), b = scales.y * rotated(axisY);
+  vec3 a = scales.x * inCamera(axisX), b = scales.y * inCamera(axisY);
   vec2 at = uLens.xy * p.xy / p.z;
   vec2 rx = vec2(uLens.x * a.x - at.x * a.z, uLens.x * b.x - at.x * b.z);
   vec2 ry = vec2(uLens.y * a.y - at.y * a.z, uLens.y * b.y - at.y * b.z);
@@ -270,29 +260,37 @@ void main() {
   blend(exp(-.5 * min(dot(uv, uv), 2. * dot(off, off))));
 }`;
 
-const kMeshVertex = kVersion + kViewSource + `
-uniform vec3 uCorner, uSpan;
+const kMeshVertex = kVersion + `
+uniform vec3 uRight, uDown, uForward, uOffset, uCorner, uSpan;
+uniform vec4 uLens;
+uniform vec2 uSize;
+uniform float uNear;
 layout(location = 0) in vec4 aPlace;
 layout(location = 1) in vec4 aLook;  // colour, then error
-out vec3 vPlace, vWorld, vColor;
+out vec3 vPlace;
+out vec3 vWorld;
+out vec3 vColor;
 out float vError;
 void main() {
   vec3 place = uCorner + uSpan * aPlace.xyz;
-  vec3 p = rotated(place) + uOffset;
+  vec3 p = vec3(dot(uRight, place), dot(uDown, place), dot(uForward, place)) + uOffset;
   vPlace = p, vWorld = place, vColor = aLook.rgb, vError = aLook.a;
   gl_Position = vec4(2. * (uLens.x * p.x + uLens.z * p.z) / uSize.x - p.z,
                      p.z - 2. * (uLens.y * p.y + uLens.w * p.z) / uSize.y,
                      p.z - 2. * uNear, p.z);
 }`;
-const kMeshFragment = kVersion + kCutSource + `
+const kMeshFragment = kVersion + `
 uniform sampler2D uPalette;
+uniform vec3 uLow, uHigh;  // of the cut
 uniform int uLook;
-in vec3 vPlace, vWorld, vColor;
+in vec3 vPlace;
+in vec3 vWorld;
+in vec3 vColor;
 in float vError;
 out vec4 color;
 void main() {
   vec3 normal = normalize(cross(dFdx(vPlace), dFdy(vPlace)));
-  if (isCut(vWorld)) discard;
+  if (any(lessThan(vWorld, uLow)) || any(greaterThan(vWorld, uHigh))) discard;
   float facing = dot(normal, normalize(vPlace));
   if (facing > 0.) normal = -normal;  // towards the camera
   vec3 own = vColor;

@@ -2,7 +2,6 @@
 'use strict';
 
 const element = id => document.getElementById(id);
-const all = selector => document.querySelectorAll(selector);
 const about = JSON.parse(element('about').textContent);
 const query = new URLSearchParams(location.search);
 const touch = matchMedia('(pointer: coarse)').matches;
@@ -19,29 +18,13 @@ const modes = {
   error: {mesh: true, look: 'error', error: true},
   'centre-error': {centres: true, error: true}
 };
-// What this page has nothing for leaves.
-for (const [name, mode] of Object.entries(modes))
-  if ((mode.mesh && !about.runs.some(run => run.mesh)) || (mode.error && !about.truth))
-    document.querySelector(`label:has([value="${name}"])`).remove();
-if (!about.cameras.some(camera => camera.photo))
-  for (const part of all('[data-act=photo], #photograph label')) part.remove();
-
 const modeInput = name => document.querySelector(`input[name=mode][value="${name}"]`);
 const modeLabel = name => modeInput(name).nextElementSibling.textContent;
-
-/** Strokes the path in a colour, on a wider dark line. */
-function strokeTwice(context, width, color, dashes = []) {
-  context.setLineDash(dashes);
-  for (const [w, style] of [[width + 2, 'rgba(0, 0, 0, 0.6)'], [width, color]]) {
-    context.lineWidth = w, context.strokeStyle = style;
-    context.stroke();
-  }
-}
 
 class Viewer {
   constructor(renderer) {
     this.renderer = renderer, this.stage = element('stage'), this.canvas = element('canvas');
-    this.panes = [...all('.pane')], this.opacity = element('opacity');
+    this.panes = [...document.querySelectorAll('.pane')], this.opacity = element('opacity');
     this.mode = 'splats', this.show = {cameras: true, photo: true};
     this.box = null;                           // {low, high}: what lies outside is cut off
     this.measuring = false, this.points = [];  // at most two
@@ -121,7 +104,12 @@ class Viewer {
   }
 
   begin() {
-    switchPage(true);
+    this.canvas.hidden = false;
+    for (const poster of document.querySelectorAll('.poster')) poster.hidden = true;
+    for (const id of ['controls', 'fold']) element(id).hidden = false;
+    this.panes.forEach(pane => {
+      pane.hidden = false;
+    });
     this.fold(narrow());
     this.listen();
     this.makeBox();
@@ -144,13 +132,6 @@ class Viewer {
     button.textContent = folded ? 'Controls' : 'Hide';
   }
 
-  /** Shows a change, and says it. */
-  update(text) {
-    this.state();
-    say(text || this.now());
-    this.ask();
-  }
-
   ask() {
     if (this.asked) return;
     this.asked = true;
@@ -161,10 +142,17 @@ class Viewer {
   adapt(now) {
     const moving = now - this.movedAt < 200, gap = now - (this.lastFrame || now);
     this.lastFrame = now;
-    this.frames = moving ? this.frames + 1 : 0;
-    if (this.frames > 2 && gap > 45) this.scale = Math.max(0.35, 0.85 * this.scale);
-    if (this.frames > 2 && gap < 22) this.scale = Math.min(1, 1.05 * this.scale);
-    return moving ? this.scale : 1;
+    if (!moving) {
+      this.frames = 0;
+      return 1;
+    }
+    if (++this.frames > 2) {
+      if (gap > 45)
+        this.scale = Math.max(0.35, 0.85 * this.scale);
+      else if (gap < 22)
+        this.scale = Math.min(1, 1.05 * this.scale);
+    }
+    return this.scale;
   }
 
   draw(now) {
@@ -217,12 +205,13 @@ class Viewer {
       for (const c of corners) context.moveTo(...at(apex)), context.lineTo(...at(c));
       corners.forEach((c, k) => context[k ? 'lineTo' : 'moveTo'](...at(c)));
       context.closePath();
-      strokeTwice(
-          context, i === this.selected ? 3 : 1.5,
-          i === this.selected ? '#f0e442' :
-              camera.test     ? '#e69f00' :
-                                '#56b4e9',
-          camera.test ? [5, 3] : []);
+      context.setLineDash(camera.test ? [5, 3] : []);
+      context.lineWidth = i === this.selected ? 5 : 3.5;
+      context.strokeStyle = 'rgba(0, 0, 0, 0.6)';
+      context.stroke();
+      context.lineWidth = i === this.selected ? 3 : 1.5;
+      context.strokeStyle = i === this.selected ? '#f0e442' : camera.test ? '#e69f00' : '#56b4e9';
+      context.stroke();
     });
     this.drawTools(context, lens, width, height);
     const camera = about.cameras[this.camera];
@@ -251,6 +240,13 @@ class Viewer {
       const [x, y, z] = projected(this.view, lens, place);
       return z > 0 ? [x / z, y / z] : null;
     };
+    const stroke = (width, color, dashes = []) => {
+      context.setLineDash(dashes);
+      for (const [w, style] of [[width + 2, 'rgba(0, 0, 0, 0.6)'], [width, color]]) {
+        context.lineWidth = w, context.strokeStyle = style;
+        context.stroke();
+      }
+    };
     const line = (a, b) => a && b && (context.moveTo(...a), context.lineTo(...b));
     const ring = (p, r) => p && (context.moveTo(p[0] + r, p[1]), context.arc(...p, r, 0, 7));
     const edges = [], {low, high} = this.box || {},
@@ -260,7 +256,7 @@ class Viewer {
         if (!(bits & axis)) edges.push([side(bits), side(bits | axis)]);
     context.beginPath();
     for (const edge of edges) line(...edge);
-    strokeTwice(context, 1, '#cc79a7');
+    stroke(1, '#cc79a7');
     const places = this.points.map(at);
     context.beginPath();
     for (const p of places) ring(p, 5);
@@ -268,10 +264,10 @@ class Viewer {
     if (this.measuring)
       line([width / 2 - 8, height / 2], [width / 2 + 8, height / 2]),
           line([width / 2, height / 2 - 8], [width / 2, height / 2 + 8]);
-    strokeTwice(context, 2, '#f0e442');
+    stroke(2, '#f0e442');
     context.beginPath();
     if (this.view.chosen) ring(at(this.view.pivot), 7);
-    strokeTwice(context, 1.5, '#fff', [3, 3]);
+    stroke(1.5, '#fff', [3, 3]);
     if (places.length < 2 || !places[0] || !places[1]) return;
     context.font = '600 15px system-ui, sans-serif';
     context.setLineDash([]);
@@ -357,13 +353,17 @@ class Viewer {
   setMode(name) {
     this.mode = name;
     this.view = {...this.view, bounded: false};
-    this.update();
+    this.state();
+    say(this.now());
+    this.ask();
   }
 
   measure() {
     this.measuring = !this.measuring, this.points = [];
     if (this.measuring && narrow()) this.fold(true);
-    this.update(this.measuring && `Distance: ${touch ? 'tap' : 'click'} two points.`);
+    say(this.measuring ? `Distance: ${touch ? 'tap' : 'click'} two points.` : this.now());
+    this.state();
+    this.ask();
   }
 
   /** The box of the meshes and of all but the outermost splats, with a margin. */
@@ -422,7 +422,9 @@ class Viewer {
   cut() {
     this.box = this.box ? null : this.extent();
     this.view = {...this.view, bounded: false};
-    this.update(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
+    say(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
+    this.state();
+    this.ask();
   }
 
   /** Puts text on the clipboard, and into a field to copy by hand. */
@@ -438,8 +440,10 @@ class Viewer {
   }
 
   copyLink() {
-    if (location.protocol === 'about:')
-      return say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
+    if (location.protocol === 'about:') {
+      say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
+      return;
+    }
     const link = this.link();
     try {
       history.replaceState(null, '', link);
@@ -485,7 +489,11 @@ class Viewer {
   }
 
   flyTo(view, done) {
-    if (this.still.matches) return this.move(view, true), done();
+    if (this.still.matches) {
+      this.move(view, true);
+      done();
+      return;
+    }
     this.flight = {from: this.view, to: view, start: performance.now(), done};
     this.ask();
   }
@@ -494,7 +502,10 @@ class Viewer {
     const {from, to, start, done} = this.flight, t = Math.min((now - start) / 500, 1);
     this.movedAt = now;
     this.view = t < 1 ? between(from, to, t * t * (3 - 2 * t)) : to;
-    if (t < 1) return this.ask();
+    if (t < 1) {
+      this.ask();
+      return;
+    }
     this.flight = null;
     done();
   }
@@ -506,7 +517,9 @@ class Viewer {
     this.camera = -1;
     this.flyTo(viewOf(camera, about.scene), () => {
       this.camera = this.selected;
-      this.update();
+      this.state();
+      say(this.now());
+      this.ask();
     });
     this.state();
   }
@@ -514,7 +527,9 @@ class Viewer {
   toggle(name) {
     const reason = name === 'photo' ? this.photoMissing() : '';
     if (!reason) this.show[name] = !this.show[name];
-    this.update(reason || `${labels[name]}: ${this.show[name] ? 'shown' : 'hidden'}.`);
+    this.state();
+    say(reason || `${labels[name]}: ${this.show[name] ? 'shown' : 'hidden'}.`);
+    this.ask();
   }
 
   /** Why there is no photograph to show; empty: there is one. */
@@ -528,9 +543,10 @@ class Viewer {
   state() {
     modeInput(this.mode).checked = true;
     const pressed = {...this.show, measure: this.measuring, cut: this.box !== null};
-    for (const button of all('button[aria-pressed]'))
-      button.setAttribute('aria-pressed', String(pressed[button.dataset.act]));
-    const photo = document.querySelector('button[data-act=photo]'), reason = this.photoMissing();
+    for (const button of document.querySelectorAll('button[aria-pressed]'))
+      button.setAttribute(
+          'aria-pressed', String(pressed[button.dataset.show || button.dataset.act]));
+    const photo = document.querySelector('button[data-show=photo]'), reason = this.photoMissing();
     if (photo) {
       // A disabled button has no focus, and the keys would be lost with it.
       if (reason && document.activeElement === photo) this.canvas.focus({preventScroll: true});
@@ -538,8 +554,8 @@ class Viewer {
       this.opacity.parentElement.hidden = photo.disabled || !this.show.photo;
       element('why').textContent = reason;
     }
-    const mode = modes[this.mode];
-    element('scale').hidden = !mode.error;
+    const scale = element('scale'), mode = modes[this.mode];
+    if (scale) scale.hidden = !mode.error;
     this.panes.forEach((pane, i) => {
       const label = pane.querySelector('span'), run = about.runs[i];
       if (label)
@@ -550,18 +566,32 @@ class Viewer {
     });
     this.stage.classList.toggle('measuring', this.measuring);
     this.stateOfBox();
-    for (const button of all('button[aria-current]')) button.removeAttribute('aria-current');
-    const chosen = document.querySelector(`button[data-camera="${this.selected}"]`);
-    chosen.setAttribute('aria-current', 'true');
-    if (this.camera < 0) return;
-    const list = chosen.closest('ul');  // scroll only the list; the page stays in place
-    list.scrollLeft =
-        chosen.offsetLeft - list.offsetLeft - 0.5 * (list.clientWidth - chosen.offsetWidth);
+    document.querySelectorAll('button[data-camera]').forEach(button => {
+      const on = Number(button.dataset.camera) === this.selected;
+      if (on)
+        button.setAttribute('aria-current', 'true');
+      else
+        button.removeAttribute('aria-current');
+      if (on && this.camera >= 0) {  // scroll only the list; the page stays in place
+        const list = button.closest('ul');
+        list.scrollLeft =
+            button.offsetLeft - list.offsetLeft - 0.5 * (list.clientWidth - button.offsetWidth);
+      }
+    });
   }
 
   listen() {
-    const canvas = this.canvas;
+    const canvas = this.canvas, up = about.scene.up, step = 0.12;
+    const go = view => this.move(view);
     const acts = {
+      left: () => go(turned(this.view, up, step, 0)),
+      right: () => go(turned(this.view, up, -step, 0)),
+      up: () => go(turned(this.view, up, 0, -step)),
+      down: () => go(turned(this.view, up, 0, step)),
+      shiftLeft: () => go(shifted(this.view, -0.06, 0)),
+      shiftRight: () => go(shifted(this.view, 0.06, 0)),
+      shiftUp: () => go(shifted(this.view, 0, -0.06)),
+      shiftDown: () => go(shifted(this.view, 0, 0.06)),
       near: () => this.zoom(1 / 1.15),
       far: () => this.zoom(1.15),
       reset: () => {
@@ -575,7 +605,10 @@ class Viewer {
       after: () => this.goTo(this.selected + 1),
       camera: () => {
         const {width, height} = this.panes[0].getBoundingClientRect();
-        this.measuring ? this.addPoint(0, width / 2, height / 2) : this.goTo(this.selected);
+        if (this.measuring)
+          this.addPoint(0, width / 2, height / 2);
+        else
+          this.goTo(this.selected);
       },
       cameras: () => this.toggle('cameras'),
       photo: () => this.toggle('photo'),
@@ -588,16 +621,32 @@ class Viewer {
       help: () => element('help').showModal(),
       details: () => element('details').showModal()
     };
-    for (const [name, x, y] of [['left', -1, 0], ['right', 1, 0], ['up', 0, -1], ['down', 0, 1]]) {
-      acts[name] = () => this.move(turned(this.view, about.scene.up, -0.12 * x, 0.12 * y));
-      acts['shift' + name] = () => this.move(shifted(this.view, 0.06 * x, 0.06 * y));
-    }
-    const keys = {Enter: 'camera', Escape: 'end'};
-    for (const control of all('[data-keys]'))
-      for (const key of control.dataset.keys.split(' '))
-        keys[key] = control.dataset.act || control.value;
-    for (const input of all('input[name=mode]')) {
+    const keys = {
+      ArrowLeft: 'left',
+      ArrowRight: 'right',
+      ArrowUp: 'up',
+      ArrowDown: 'down',
+      '+': 'near',
+      '=': 'near',
+      '-': 'far',
+      0: 'reset',
+      Home: 'reset',
+      '[': 'before',
+      ']': 'after',
+      Enter: 'camera',
+      Escape: 'end',
+      f: 'cameras',
+      p: 'photo',
+      d: 'measure',
+      b: 'cut',
+      i: 'picture',
+      l: 'link',
+      h: 'help',
+      '?': 'help'
+    };
+    for (const input of document.querySelectorAll('input[name=mode]')) {
       acts[input.value] = () => this.setMode(input.value);
+      keys[input.dataset.key] = input.value;
       input.addEventListener('change', acts[input.value]);
     }
     // Letters also act where a button has the focus.
@@ -606,16 +655,17 @@ class Viewer {
       if (event.ctrlKey || event.metaKey || event.altKey || event.target.id === 'copied') return;
       if (event.target !== canvas && (!single || event.key === ' ')) return;
       const name = keys[single ? event.key.toLowerCase() : event.key];
-      if (!name) return;
+      if (!name || (name in labels && !document.querySelector(`button[data-show=${name}]`))) return;
       event.preventDefault();
-      acts[(event.shiftKey && event.key.startsWith('Arrow') ? 'shift' : '') + name]();
+      const shifts = event.shiftKey && event.key.startsWith('Arrow');
+      acts[shifts ? 'shift' + event.key.slice(5) : name]();
     };
     for (const part of [canvas, element('panel')]) part.addEventListener('keydown', press);
-    for (const button of all('button[data-act]'))
-      button.addEventListener('click', acts[button.dataset.act]);
+    for (const button of document.querySelectorAll('button[data-act], button[data-show]'))
+      button.addEventListener('click', () => acts[button.dataset.act || button.dataset.show]());
     element('fold').addEventListener(
         'click', () => this.fold(!element('panel').classList.contains('folded')));
-    for (const button of all('button[data-camera]'))
+    for (const button of document.querySelectorAll('button[data-camera]'))
       button.addEventListener('click', () => {
         if (narrow()) this.fold(true);
         this.goTo(Number(button.dataset.camera));
@@ -715,18 +765,20 @@ const say = text => {
   if (element('status').textContent !== text) element('status').textContent = text;
 };
 
-/** Shows the view with its controls, or the pictures in its place. */
-function switchPage(works) {
-  for (const part of all('#canvas, #controls, #fold, .pane')) part.hidden = !works;
-  for (const poster of all('.poster')) poster.hidden = works;
-}
-
 function fail(message) {
   say(message);
-  switchPage(false);
   element('panel').classList.remove('folded');
-  for (const dialog of all('dialog[open]')) dialog.close();
+  document.querySelectorAll('dialog[open]').forEach(dialog => dialog.close());
   document.body.classList.add('plain');
   element('status').classList.add('notice');
-  for (const button of all('button[data-camera]')) button.disabled = true;
+  for (const id of ['canvas', 'controls', 'fold']) element(id).hidden = true;
+  document.querySelectorAll('.pane').forEach(pane => {
+    pane.hidden = true;
+  });
+  document.querySelectorAll('.poster').forEach(poster => {
+    poster.hidden = false;
+  });
+  document.querySelectorAll('button[data-camera]').forEach(button => {
+    button.disabled = true;
+  });
 }
