@@ -98,8 +98,7 @@ const SparseCamera& SparseModel::camera(std::uint32_t id) const {
 
 SparseModel read_sparse_model(const std::string& folder) {
     SparseModel model;
-    Reader cameras(folder + "/cameras.bin"), images(folder + "/images.bin"),
-        points(folder + "/points3D.bin");
+    Reader cameras(folder + "/cameras.bin");
     cameras.count(model.cameras, 24);
     for (SparseCamera& camera : model.cameras) {
         cameras.numbers(camera.id, camera.model, camera.width, camera.height);
@@ -108,9 +107,11 @@ SparseModel read_sparse_model(const std::string& folder) {
         camera.params.resize(static_cast<std::size_t>(known->params));
         for (double& param : camera.params) cameras.numbers(param);
     }
+    Reader images(folder + "/images.bin");
     images.count(model.images, 64);
     for (SparseImage& image : model.images) image_of(images, image);
     std::ranges::sort(model.images, {}, &SparseImage::name);
+    Reader points(folder + "/points3D.bin");
     points_of(points, model.points);
     return model;
 }
