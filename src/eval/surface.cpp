@@ -7,8 +7,8 @@
 namespace tvsgs {
 namespace {
 
-/// Indices in Morton order: points close in space are close in memory, which dominates the time of a
-/// search.
+/// Indices in Morton order: points close in space are close in memory, which dominates the time of
+/// a search.
 Buffer<int, Cpu> order_in_space(const Points& points) {
     std::vector<Vec3f> rounded;
     for (const Vec3d p : points) rounded.push_back(vec_cast<float>(p));
