@@ -102,7 +102,7 @@ int run_subcommand(CLI::App& app,
 /// kind.
 int run_command(const std::function<int()>& command);
 
-/// What a program does; each defines it, for the main() of apps/common.
+/// The program's work. Each program defines this function; main() of apps/common calls it.
 int command(int argc, char** argv);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// What the evaluations of DTU and Tanks and Temples share: predictions, truths, culling by masks, a
-// check of the frames, and clouds coloured by their errors.
+// Parts that the DTU and Tanks and Temples evaluations share: predictions, truths, culling by
+// masks, a check of the frames, and clouds coloured by their errors.
 #pragma once
 
 #include <string>

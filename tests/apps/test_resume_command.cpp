@@ -288,20 +288,6 @@ TEST_F(ResumeCommand, KilledTenTimes) {
         EXPECT_EQ(file.path().string().find(".tmp-"), std::string::npos) << file.path();
 }
 
-// The log comes before the configuration.
-TEST_F(ResumeCommand, KilledBeforeTheConfiguration) {
-    const std::string arguments = "--config config.json --quiet --out early --resume";
-    ASSERT_EQ(train(arguments).code, 0);
-    for (const auto& entry : fs::directory_iterator(folder_ / "early"))
-        if (entry.path().filename() != ".tvsgs-files") fs::remove_all(entry.path());
-    EXPECT_EQ(train(arguments).code, 0) << "nothing is left to lose";
-    for (const auto& entry : fs::directory_iterator(folder_ / "early"))
-        if (entry.path().filename() != ".tvsgs-files") fs::remove_all(entry.path());
-    std::ofstream(folder_ / "early/log.jsonl");
-    EXPECT_EQ(train(arguments).code, 0);
-    EXPECT_TRUE(splats("early") == splats("whole"));
-}
-
 TEST_F(ResumeCommand, DamagedCheckpoints) {
     Result r = train("--config config.json --out damaged --iterations 40 --checkpoint-every 20");
     ASSERT_EQ(r.code, 0) << r;

@@ -1,5 +1,6 @@
 // Tests checkpoint files: the data survive a round trip, and every damage is detected.
 #include <gtest/gtest.h>
+#include <sys/inotify.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -129,6 +130,30 @@ TEST_F(CheckpointFile, AFullDiskKeepsTheLastOne) {
     std::signal(SIGXFSZ, old_handler);
     EXPECT_EQ(read_checkpoint(path_).get("means", 12).count(), 10u);
     EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 2) << "a temporary file is left";
+}
+
+// A run that is killed while its files are removed remains a run.
+TEST_F(CheckpointFile, TheConfigurationOfAListIsRemovedLast) {
+    const fs::path run = folder_ / "listed";
+    fs::create_directories(run);
+    start_manifest(run);
+    for (const char* name : {"log.jsonl", "config.json", "memory.json"}) {
+        add_to_manifest(run, run / name);
+        std::ofstream(run / name) << name;
+    }
+    const int watch = inotify_init1(IN_NONBLOCK);
+    ASSERT_GE(inotify_add_watch(watch, run.c_str(), IN_DELETE), 0);
+    remove_listed_files(run);
+    alignas(inotify_event) char events[4096];
+    const ssize_t size = read(watch, events, sizeof events);
+    close(watch);
+    std::string removed;
+    for (ssize_t at = 0; at < size;) {
+        const auto* const event = reinterpret_cast<const inotify_event*>(events + at);
+        removed += std::string(event->name) + " ";
+        at += static_cast<ssize_t>(sizeof(inotify_event) + event->len);
+    }
+    EXPECT_EQ(removed, "log.jsonl memory.json config.json .tvsgs-files ");
 }
 
 TEST(State, NotFinite) {

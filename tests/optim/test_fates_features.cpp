@@ -288,18 +288,21 @@ TEST(FeatureLoss, OfEquallyNearPointsOneIsSeen) {
     EXPECT_NEAR(evaluate<Cpu>(c).value, 0.2 / 64, 1e-7);
 }
 
+/// Derivative of the loss by a factor on all depths, at `scale`.
+double depth_slope(FatesCase& c, double scale) {
+    set_depth(c, scale);
+    const FatesResult r = evaluate<Cpu>(c);
+    double slope = 0;
+    for (std::size_t i = 0; i < c.depth.size(); ++i)
+        slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
+    return slope;
+}
+
 TEST(FeatureLoss, IsLeastWhereThePlaneIs) {
     FatesCase c = plane_case();
     c.view = plane_view(0, 40, 30, 1, 0);
     c.others = {plane_view(0.25f, 40, 30, 2, 0)};
-    const auto slope_at = [&](double scale) {
-        set_depth(c, scale);
-        const FatesResult r = evaluate<Cpu>(c);
-        double slope = 0;
-        for (std::size_t i = 0; i < c.depth.size(); ++i)
-            slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
-        return slope;
-    };
+    const auto slope_at = [&](double scale) { return depth_slope(c, scale); };
     // Change of the depth scale that moves the projection by a tenth of a pixel.
     const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
     const Vec3d ray = ray_d(c.view.camera, 20, 15);
@@ -339,14 +342,7 @@ TEST(FeatureLoss, OurDescriptorsFindThePlane) {
     EXPECT_EQ(add_descriptors(views), 2 * 4 * 32 * (81 * 60 + 41 * 30));
     c.view = {views[0].camera, views[0].maps};
     c.others = {{views[1].camera, views[1].maps}};
-    const auto slope_at = [&](double scale) {
-        set_depth(c, scale);
-        const FatesResult r = evaluate<Cpu>(c);
-        double slope = 0;
-        for (std::size_t i = 0; i < c.depth.size(); ++i)
-            slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
-        return slope;
-    };
+    const auto slope_at = [&](double scale) { return depth_slope(c, scale); };
     const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
     const Vec3d ray = ray_d(c.view.camera, 80, 60);
     const double z = plane_depth(c.view.camera, 80, 60);

@@ -149,7 +149,11 @@ void create_results_folder(const fs::path& folder, const std::vector<std::string
 void remove_listed_files(const fs::path& folder) {
     std::error_code code;
     std::vector<fs::path> parents;
-    for (const std::string& entry : entries_of(folder)) {
+    std::vector<std::string> entries = entries_of(folder);
+    // Last: a run that is killed here must remain a run, which can start again.
+    std::stable_partition(entries.begin(), entries.end(),
+                          [](const std::string& entry) { return entry != "config.json"; });
+    for (const std::string& entry : entries) {
         const fs::path file = folder / entry;
         // Ignores paths outside the folder, in case somebody edited the list.
         if (entry.empty() || entry.starts_with("../") || entry.front() == '/') continue;

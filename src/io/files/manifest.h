@@ -41,7 +41,7 @@ void require_replaceable(const std::filesystem::path& file);
 /// needs: a configuration, a log, splats, a checkpoint, or a file of a scene.
 void require_not_results_file(const std::filesystem::path& file);
 
-/// Removes the files of the list, the list, and the folders that are empty then.
+/// Removes the files of the list (config.json last), the list, and the folders that are empty then.
 void remove_listed_files(const std::filesystem::path& folder);
 
 }  // namespace tvsgs

@@ -195,8 +195,7 @@ void require_free_run_folder(const std::string& path,
     require_outside_of_pictures(path, scene);
     const std::string config = (fs::path(path) / "config.json").string();
     if (!fs::exists(config, code)) {
-        const bool killed_early = fs::is_regular_file(fs::path(path) / "log.jsonl", code);
-        if (has_manifest(path) && holds_listed_files(path) && !killed_early)
+        if (has_manifest(path) && holds_listed_files(path))
             throw Error(ExitCode::usage, str(path,
                                              ": holds other results, such as a scene of "
                                              "tvsgs-synth; choose another folder with --out"));
