@@ -70,7 +70,8 @@ Arguments parse(int argc, char** argv, Configuration& configuration) {
     flags.add("--memory", "mesh.memory");
     app.add_flag("--given-cameras", options.scene.given_cameras,
                  "use the given poses of a run that refined them");
-    bool no_masks = false;
+    bool no_masks = false, everything = false;
+    app.add_flag("--everything", everything, "also mesh the surroundings of the object");
     app.add_flag("--no-masks", no_masks, "also fuse pixels outside of the masks");
     start_group(app, "File");
     app.add_flag("--no-preview", arguments.no_preview, "write no preview picture");
@@ -94,6 +95,7 @@ Arguments parse(int argc, char** argv, Configuration& configuration) {
     flags.set_all(table);
     if (run.empty()) choose_backbone(arguments.model, options.train.render, table);
     if (no_masks) options.mesh.masks = false;
+    if (everything) options.mesh.object = 0;
     arguments.bounded = !run.empty() && is_bounded_here(options, table, run);
     if (arguments.bounded) options.mesh.unbounded = false;
     if (options.scene.path.empty())

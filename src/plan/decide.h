@@ -39,6 +39,9 @@ Decision decide_sky(double share);
 /// Whether surfaces far behind the scene's centre are meshed. `masked`: of points inside masks.
 Decision decide_background(double share_beyond, bool masked = false);
 
+/// Whether only the object is meshed. Empty: the cameras stand on one side of it.
+std::vector<Decision> decide_object(const CommonBall& ball);
+
 /// States that the training is planned for `given` points per pixel instead of the measured ones.
 Decision decide_coverage(double measured, double given);
 

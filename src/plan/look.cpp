@@ -287,6 +287,12 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
     return seen > 0 ? static_cast<double>(beyond) / seen : NAN;
 }
 
+CommonBall look_at_common_ball(const std::vector<Camera>& cameras) {
+    const std::optional<Focus> focus = find_focus(cameras);
+    if (!focus) return {};
+    return {common_radius(cameras, *focus), one_sidedness(cameras, *focus)};
+}
+
 std::string coverage_text(double points_per_pixel) {
     const double covered = covered_share(points_per_pixel);
     return str(short_figure(points_per_pixel), " start points per textured pixel: ",

@@ -64,6 +64,12 @@ StartLook look_at_start(const std::vector<View>& train,
 /// mesh in all of these. NaN: there are none, or the cameras look at no common point.
 double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points);
 
+/// The ball that the cameras see, and how far they stand on one side of it; see mesh/fuse/focus.h.
+struct CommonBall {
+    double radius = 0, one_sidedness = 1;  // radius 0: the cameras look at no common point
+};
+CommonBall look_at_common_ball(const std::vector<Camera>& cameras);
+
 /// "0.67 start points per textured pixel: enough", against kSparseCloud and kCoveringCloud.
 std::string coverage_text(double points_per_pixel);
 

@@ -60,7 +60,8 @@ std::string why_none_passed(const DepthCounts& counts,
     if (counts[DepthOutcome::kept] > 0) return {};
     return fmt::format(
         "all depth pixels were dropped: {} (the median depth of the last view is {:.4g}); raise "
-        "--depth-max, lower --alpha-min, or check the masks (--no-masks) and --bbox",
+        "--depth-max, lower --alpha-min, pass --everything, or check the masks (--no-masks) and "
+        "--bbox",
         dropped_pixels(counts, rules), median_depth);
 }
 

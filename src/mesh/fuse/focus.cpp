@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/math/quantile.h"
+
 namespace tvsgs {
 namespace {
 
@@ -47,6 +49,31 @@ Focus focus_at_depth(const std::vector<Camera>& cameras, double depth) {
         mean_centre += centre(camera) / static_cast<double>(cameras.size()),
             mean_axis += axis(camera);
     return focus_of(cameras, mean_centre + depth * mean_axis.normalized());
+}
+
+double common_radius(const std::vector<Camera>& cameras, const Focus& focus) {
+    std::vector<double> radii;
+    for (const Camera& camera : cameras) {
+        const Vec3f p = camera.camera_from_world * vec_cast<float>(focus.point);
+        const auto width = static_cast<float>(camera.width_px),
+                   height = static_cast<float>(camera.height_px);
+        double radius = std::numeric_limits<double>::infinity();
+        // Inner normals of the planes through the camera and the image's edges.
+        for (const Vec3f& n :
+             {Vec3f{camera.fx_px, 0, camera.cx_px}, Vec3f{-camera.fx_px, 0, width - camera.cx_px},
+              Vec3f{0, camera.fy_px, camera.cy_px}, Vec3f{0, -camera.fy_px, height - camera.cy_px}})
+            radius = std::min(radius, static_cast<double>(dot(n, p) / norm(n)));
+        if (!(radius > 0)) return 0;
+        radii.push_back(radius);
+    }
+    return quantile(radii, 0.5);
+}
+
+double one_sidedness(const std::vector<Camera>& cameras, const Focus& focus) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    const Eigen::Vector3d point(focus.point.x, focus.point.y, focus.point.z);
+    for (const Camera& camera : cameras) sum += (centre(camera) - point).normalized();
+    return cameras.empty() ? 1 : sum.norm() / static_cast<double>(cameras.size());
 }
 
 float voxel_size(

@@ -1,4 +1,4 @@
-// Finds the point that the cameras look at, and the voxel size.
+// Finds the point that the cameras look at, the ball that they see, and the voxel size.
 #pragma once
 
 #include <optional>
@@ -24,6 +24,14 @@ std::optional<Focus> find_focus(const std::vector<Camera>& cameras);
 /// Focus for cameras without one: the point at `depth` in front of their mean centre, along their
 /// mean axis.
 Focus focus_at_depth(const std::vector<Camera>& cameras, double depth);
+
+/// Radius of the ball around the focus that the median camera sees whole, world units; 0 if a
+/// camera has the focus outside of its image.
+double common_radius(const std::vector<Camera>& cameras, const Focus& focus);
+
+/// How far the cameras stand on one side of the focus: length of the mean of the unit vectors to
+/// them. 0: on all sides, 0.64: half a circle, 1: at one place.
+double one_sidedness(const std::vector<Camera>& cameras, const Focus& focus);
 
 /// World units: `given`; else `extent` / `resolution`; if both are 0, `extent` / 2048, but at least
 /// `pixels` pixels at half the extent, where the object is. Smaller voxels hold only noise.

@@ -57,8 +57,23 @@ std::vector<Camera> cameras_of(const std::vector<View>& views) {
     return cameras;
 }
 
-MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRules& rules) {
+bool needs_focus(const MeshOptions& options) {
+    return options.depth_max == 0 || options.meshes_background() || options.object > 0;
+}
+
+MeshRegion mesh_region(const MeshOptions& options,
+                       const std::vector<Camera>& cameras,
+                       const Focus& focus,
+                       DepthRules& rules) {
     const bool unbounded = options.meshes_background();
+    if (options.object > 0 && !unbounded) {
+        rules.centre = vec_cast<float>(focus.point);
+        rules.reach = options.object * static_cast<float>(common_radius(cameras, focus));
+        if (!(rules.reach > 0))
+            throw Error(ExitCode::usage,
+                        "mesh.object is above 0, but the cameras do not look at one point; set it "
+                        "to 0, or pass --everything");
+    }
     const float radius =
         unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
     if ((unbounded || rules.depth_max == 0) && !(radius > 0))

@@ -22,7 +22,7 @@ struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
-    float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
+    float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0, object = 0,
           max_scale_px = 0, measured = 0, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
@@ -44,6 +44,9 @@ struct MeshOptions {
               "cameras' focus");
         field("radius", radius, {0, 1e9},
               "radius of that ball; 0: the distance of the nearest camera");
+        field("object", object, {0, 1e6},
+              "mesh only the object, unless unbounded: a ball around the point that the cameras "
+              "look at, in radii of the ball that the median camera sees whole; 0: everything");
         field("depth_step", depth_step, {0, 1e9},
               "round depths down to multiples of it, as PGSR's 0.001; 0: no rounding");
         field("box", box, "x0,y0,z0,x1,y1,z1: drop the surface outside; empty: no box");
@@ -87,16 +90,22 @@ struct MeshSummary {
     std::size_t removed_components = 0;  // all that were removed
     std::size_t small_components = 0;    // removed because they are too small in every view
     std::size_t closed_holes = 0;
-    double unmeasured = 0;  // share of the area that was removed because it is not measured
-    std::string why_empty;  // how to get faces if there are none
+    float object_radius = 0;  // of MeshOptions::object, world units; 0: everything
+    double unmeasured = 0;    // share of the area that was removed because it is not measured
+    std::string why_empty;    // how to get faces if there are none
 };
 
 namespace detail {
 
 std::vector<Camera> cameras_of(const std::vector<View>& views);
-/// The region to mesh; sets rules.depth_max if it is 0. `focus` is used only if the scene is
-/// unbounded or has no depth_max.
-MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRules& rules);
+/// Whether the region to mesh depends on the point that the cameras look at.
+bool needs_focus(const MeshOptions& options);
+/// The region to mesh; sets rules.depth_max if it is 0, and the ball of MeshOptions::object.
+/// `focus` is used only with needs_focus().
+MeshRegion mesh_region(const MeshOptions& options,
+                       const std::vector<Camera>& cameras,
+                       const Focus& focus,
+                       DepthRules& rules);
 /// Memory limit of a mesher in bytes when `free_bytes` are free.
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes);
 /// Removes components and counts them in `summary`. Returns why nothing is left; empty if something
@@ -172,9 +181,10 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const Gaussians<Device>& gaussians = meshed.size() > 0 ? meshed : all;
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
-    if (options.depth_max == 0 || options.meshes_background())
-        focus = detail::focus_of_scene(views, all, *backbone);
-    const MeshRegion region = detail::mesh_region(options, focus, rules);
+    if (detail::needs_focus(options)) focus = detail::focus_of_scene(views, all, *backbone);
+    const std::vector<Camera> cameras = detail::cameras_of(views);
+    const MeshRegion region = detail::mesh_region(options, cameras, focus, rules);
+    counts.object_radius = rules.reach;
     DepthViews<Device> depth(views, gaussians, *backbone, rules, options.masks);
     ExtractedMesh found =
         mesher->extract({views, gaussians, *backbone, depth, region, train.render.near,
@@ -184,7 +194,6 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     if (!mesher->is_closed())
         emptied = detail::keep_measured(found.mesh, views, options, evidence, counts);
     if (emptied.empty()) emptied = detail::clean_mesh(found.mesh, options, evidence, counts);
-    const std::vector<Camera> cameras = detail::cameras_of(views);
     MeshOptions mending = options;
     if (!mesher->is_rough()) mending.smooth = 0;
     if (!mesher->is_closed())

@@ -96,6 +96,10 @@ std::string summary_text(const MeshSummary& summary,
 }
 
 std::string left_out_text(const MeshSummary& summary) {
+    if (summary.object_radius > 0)
+        return fmt::format(
+            "Left out: everything farther than {:.3g} units from the object; --everything keeps it",
+            summary.object_radius);
     if (!(summary.unmeasured >= 0.005)) return {};
     return fmt::format(
         "Left out: {:.0f} % of the surface, which the photographs do not confirm; "

@@ -194,8 +194,9 @@ void Preparation::decide_training() {
         PointCloud meshed = scene_.points;
         const bool masked = options_.mesh.masks && look_.outside;
         if (masked) drop_background_points(scene_.train, meshed);
-        apply(decide_background(share_beyond(detail::cameras_of(scene_.train), meshed.positions),
-                                masked));
+        const std::vector<Camera> cameras = detail::cameras_of(scene_.train);
+        apply(decide_background(share_beyond(cameras, meshed.positions), masked));
+        apply(decide_object(look_at_common_ball(cameras)));
     }
     apply(drop_thickness_losses(options_.train));
     check_consistency(options_.train);
