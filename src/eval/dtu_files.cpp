@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <numeric>
 
@@ -20,9 +19,7 @@ namespace fs = std::filesystem;
 
 /// Path of the truth relative to the evaluation set.
 std::string stl_name(int scan) {
-    char name[40];
-    std::snprintf(name, sizeof name, "Points/stl/stl%03d_total.ply", scan);
-    return name;
+    return fmt::format("Points/stl/stl{:03}_total.ply", scan);
 }
 
 std::string distribution(int scan) {
