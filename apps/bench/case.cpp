@@ -34,10 +34,10 @@ public:
         }
     }
     double operator()(int i, std::uint32_t j) const {
-        const auto w = whitening(quat_cast<double>(case_.splats.quats[std::size_t(i)]),
-                                 scale(case_, i), rule_, kWhitenNoise * mean_trace_);
-        const Vec3<double> d = vec_cast<double>(case_.splats.means[j]) -
-                               vec_cast<double>(case_.splats.means[std::size_t(i)]);
+        const auto w = whitening(quat_cast<double>(case_.splats.quats[i]), scale(case_, i), rule_,
+                                 kWhitenNoise * mean_trace_);
+        const Vec3<double> d =
+            vec_cast<double>(case_.splats.means[j]) - vec_cast<double>(case_.splats.means[i]);
         return norm(whitened_from_world(w) * d);
     }
 
@@ -94,7 +94,7 @@ public:
         const double limit = std::min(kSlack * moved, quantity_.ceiling);
         if (difference > quantity_.bound && difference <= limit) {
             ++quantity_.excused;
-            excused_[std::size_t(splat)] = true;
+            excused_[splat] = true;
         } else if (!(difference <= quantity_.largest) && !std::isnan(quantity_.largest)) {
             quantity_.largest = difference, quantity_.at = splat;
         }
@@ -144,9 +144,7 @@ private:
         out_.quantities.push_back({name, bound, ceiling});
         return {out_.quantities.back(), excused_};
     }
-    double stored(const char* array, int i) const {
-        return case_.at(array).numbers[std::size_t(i)];
-    }
+    double stored(const char* array, int i) const { return case_.at(array).numbers[i]; }
     /// Whether splat i has no result to compare, or one that rounding decides, which is counted.
     bool skips(const Comparison& result, int i, bool unambiguous_only) const {
         const double has = stored("has_tensor", i);
@@ -176,7 +174,7 @@ private:
             const double wanted = stored(name, i);
             double unit = least < 0 ? 1 : std::max(std::abs(wanted), least * middle_one);
             if (unit == 0) unit = 1;
-            result.add(i, std::abs(double(mine[std::size_t(i)]) - wanted) / unit,
+            result.add(i, std::abs(double(mine[i]) - wanted) / unit,
                        stored(moves.c_str(), i) / unit);
         }
     }
@@ -189,8 +187,8 @@ private:
         const double least = 0.01 * middle(sizes);  // one far below the others counts with these
         for (int i = 0; i < case_.size(); ++i) {
             if (skips(result, i, false)) continue;
-            const double size = std::max(sizes[std::size_t(i)], least);
-            const Sym3f off = difference(f.tensors[std::size_t(i)], sym(case_.at("tensor"), i));
+            const double size = std::max(sizes[i], least);
+            const Sym3f off = difference(f.tensors[i], sym(case_.at("tensor"), i));
             result.add(i, frobenius(off) / size, stored("moved_tensor", i) / size);
         }
     }
@@ -202,7 +200,7 @@ private:
             // The same error of a tensor turns its normal farther the smaller the gap is.
             const double share = std::min(1.0, gap(i) / kComparedGap);
             const double off =
-                angle_deg(vec_cast<double>(f.normals[std::size_t(i)]), vec(case_.at("normal"), i));
+                angle_deg(vec_cast<double>(f.normals[i]), vec(case_.at("normal"), i));
             result.add(i, share * off, stored("moved_normal_deg", i) * share);
         }
     }
@@ -218,7 +216,7 @@ private:
                                target = vec(case_.at("target"), i);
             const double step = double(case_.options.virtual_range) *
                                 std::max({scales.x, scales.y, scales.z}) / kSteps;
-            const Vec3<double> offset = vec_cast<double>(f.targets[std::size_t(i)]) - mean;
+            const Vec3<double> offset = vec_cast<double>(f.targets[i]) - mean;
             // Less what storing a point as floats rounds away; which may be all there is.
             const double rounding = norm(mean) * 1.1e-7;
             if (step < 2 * rounding) {

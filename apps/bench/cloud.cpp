@@ -91,10 +91,9 @@ Gaussians<Cpu> make_bench_cloud(const std::string& shape, int count, std::uint64
             point.position = 2 * std::pow(5e5, draw.uniform()) * draw.direction();
         if (shape == "outliers" && i == count / 2) point.position = {1e12, 0, 0};
         put(g, std::size_t(i), point, stray, draw);
-        if (shape == "coincident" && kind < 0.5) g.means[std::size_t(i)] = {0.5f, 0.5f, 0.5f};
-        if (shape == "line") g.means[std::size_t(i)] = vec_cast<float>(point.position);
-        if (shape == "cluster" && kind > 0.99 && i > 0)
-            g.means[std::size_t(i)] = g.means[std::size_t(i) - 1];
+        if (shape == "coincident" && kind < 0.5) g.means[i] = {0.5f, 0.5f, 0.5f};
+        if (shape == "line") g.means[i] = vec_cast<float>(point.position);
+        if (shape == "cluster" && kind > 0.99 && i > 0) g.means[i] = g.means[std::size_t(i) - 1];
     }
     return g;
 }

@@ -52,9 +52,8 @@ public:
         const int width = camera.width_px * samples, height = camera.height_px * samples;
         places_.resize(static_cast<std::size_t>(width) * height);
         parallel_for(Cpu{}, width * height, [&](int i) {
-            places_[static_cast<std::size_t>(i)] =
-                double(samples) *
-                undistorted_place({(i % width + 0.5) / samples, (i / width + 0.5) / samples});
+            places_[i] = double(samples) * undistorted_place({(i % width + 0.5) / samples,
+                                                              (i / width + 0.5) / samples});
         });
         low_ = high_ = places_[0];
         for (const Vec2<double>& p : places_) {
@@ -84,7 +83,7 @@ public:
         if (places_.empty()) return picture;
         ImageF out(in_.width_px * samples_, in_.height_px * samples_, picture.channels);
         parallel_for(Cpu{}, out.width * out.height, [&](int i) {
-            const Vec2<double> p = places_[static_cast<std::size_t>(i)] - low_;
+            const Vec2<double> p = places_[i] - low_;
             // Bilinear between pixel centres.
             const double qx = std::clamp(p.x - 0.5, 0.0, picture.width - 1.001),
                          qy = std::clamp(p.y - 0.5, 0.0, picture.height - 1.001);

@@ -274,7 +274,7 @@ void finish_priors(const std::string& out,
     if (priors.format == "params") {
         std::string text = "{";
         for (int i = 0; i < options.views; ++i) {
-            const SynthView& view = views[static_cast<std::size_t>(i)];
+            const SynthView& view = views[i];
             const PriorMaps maps = make_maps(mesh, options, view, i);
             text += str(i > 0 ? ",\n " : "", '"', stem_of(view),
                         "\": {\"scale\": ", static_cast<double>(png_scale(maps)) * priors.scale,

@@ -319,8 +319,7 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     for (int i = 0; i < options.views; ++i, progress.advance()) {
         SignalGuard::check();
         write_view(out, mesh, highlights.get(), options, lens, views, i, points, truth);
-        if (!options.priors.format.empty())
-            write_priors(out, mesh, options, views[static_cast<std::size_t>(i)], i);
+        if (!options.priors.format.empty()) write_priors(out, mesh, options, views[i], i);
     }
     finish_priors(out, mesh, options, views);
 

@@ -108,7 +108,7 @@ inline std::vector<SynthView> moved_views(std::vector<SynthView> views,
                                           double px,
                                           std::uint64_t seed) {
     for (const int i : which) {
-        SynthView& view = views[static_cast<std::size_t>(i)];
+        SynthView& view = views[i];
         const auto draw = [&](std::uint32_t what) {
             const Random4 r =
                 random4(seed, RandomStream::pose_noise, static_cast<std::uint64_t>(i), what);

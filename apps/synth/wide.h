@@ -170,7 +170,7 @@ private:
                 base = Vec3f{0.48f, 0.5f, 0.42f} + 0.12f * patch;
                 contrast *= std::clamp(0.6f + 1.5f * patch.y, 0.1f, 1.0f);
             } else {
-                const Object& object = objects_[static_cast<std::size_t>(owner[i])];
+                const Object& object = objects_[owner[i]];
                 base = kinds_[object.kind].base_color(object.local(p));
             }
             mesh.colors[i] = lit(all, p, normal, 0.02f, height(p.x, p.y), base, contrast, seed_);

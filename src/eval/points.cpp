@@ -95,8 +95,7 @@ private:
             if (std::abs(at[0] - cell[0]) > 1 || std::abs(at[1] - cell[1]) > 1 ||
                 std::abs(at[2] - cell[2]) > 1)
                 continue;
-            for (std::uint32_t i = block.head[static_cast<std::size_t>(s)]; i != kNone;
-                 i = next_[i])
+            for (std::uint32_t i = block.head[s]; i != kNone; i = next_[i])
                 if (is_near(i)) return true;
         }
         return false;

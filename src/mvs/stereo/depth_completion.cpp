@@ -98,9 +98,7 @@ struct System {
 
 struct Product {
     const Values &a, &b;
-    double operator()(int i) const {
-        return a[static_cast<std::size_t>(i)] * b[static_cast<std::size_t>(i)];
-    }
+    double operator()(int i) const { return a[i] * b[i]; }
 };
 
 /// Solves system * x = b, starting from x, with the diagonal as the preconditioner.

@@ -45,7 +45,7 @@ TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
                                           const Agreement& limits) {
     Crosscheck check = crosscheck(source, reference, point, depths);
     if (check.pixel < 0) return check;
-    const Vec3f other = planes[static_cast<std::size_t>(source.first_pixel + check.pixel)].normal;
+    const Vec3f other = planes[source.first_pixel + check.pixel].normal;
     const float cosine = dot(source.source_from_reference.R * normal, other);
     if (!(check.reprojection_px < limits.reprojection_px &&
           std::abs(check.point_reference.z - point.z) < limits.relative_depth * point.z &&
@@ -90,7 +90,7 @@ struct FilterBody {
         bool wide = false;
         float cost_sum = 0, weight_sum = 0;
         for (int j = 0; j < pass.source_count(); ++j) {
-            const SourceView& source = pass.sources[static_cast<std::size_t>(j)];
+            const SourceView& source = pass.sources[j];
             if (agreeing_pixel(source, pass.camera, point, plane.normal, depths, planes, limits)
                     .pixel < 0)
                 continue;
@@ -127,7 +127,7 @@ private:
         PatchWarp warps[kMaxSources];
         float fastest = 0;
         for (int k = 0; k < count; ++k) {
-            const SourceView& source = pass.sources[static_cast<std::size_t>(which[k])];
+            const SourceView& source = pass.sources[which[k]];
             warps[k] = plane_warp(source, pass.camera, x, y, plane);
             const float speed = pixels_per_step(warps[k], source);
             fastest = speed > fastest ? speed : fastest;
@@ -141,7 +141,7 @@ private:
                 float cost = 0;  // sums only until a minimum is impossible
                 for (int k = 0; k < count && cost < (best + 4 * kRise) * static_cast<float>(count);
                      ++k) {
-                    const SourceView& source = pass.sources[static_cast<std::size_t>(which[k])];
+                    const SourceView& source = pass.sources[which[k]];
                     cost +=
                         patch_cost(patch, pass.source_image(source), moved(warps[k], source, move));
                 }
@@ -232,7 +232,7 @@ struct FuseBody {
 
     TVSGS_HD void operator()(int i) const {
         const std::size_t own = static_cast<std::size_t>(first_pixel + i);
-        points[static_cast<std::size_t>(i)] = {};
+        points[i] = {};
         if (confirmed[own] == 0) return;
         const Vec3f normal_own = planes[own].normal;
         const Vec3f point = depths[own] * pixel_ray(pass.camera, i % pass.camera.width_px,
@@ -240,7 +240,7 @@ struct FuseBody {
         Vec3f position = point, normal = normal_own, color = unpacked(colors[own]);
         int count = 1;
         for (int j = 0; j < pass.source_count(); ++j) {
-            const SourceView& source = pass.sources[static_cast<std::size_t>(j)];
+            const SourceView& source = pass.sources[j];
             const Crosscheck check =
                 agreeing_pixel(source, pass.camera, point, normal_own, depths, planes, limits);
             if (check.pixel < 0) continue;
@@ -253,9 +253,9 @@ struct FuseBody {
         }
         const Rigid3f& T = pass.camera.camera_from_world;
         const float share = 1 / static_cast<float>(count);
-        points[static_cast<std::size_t>(i)] = {transpose_times(T.R, share * position - T.t),
-                                               transpose_times(T.R, normalize(normal)),
-                                               confidences[own], packed(share * color)};
+        points[i] = {transpose_times(T.R, share * position - T.t),
+                     transpose_times(T.R, normalize(normal)), confidences[own],
+                     packed(share * color)};
     }
 
     TVSGS_HD static Vec3f unpacked(std::uint32_t c) {

@@ -69,14 +69,14 @@ ImageF blurred(const ImageF& image, float sigma) {
         for (int x = 0; x < image.width; ++x) {
             float value = 0;
             for (int i = -reach; i <= reach; ++i)
-                value += weights[static_cast<std::size_t>(i + reach)] * pixel(image, x + i, y);
+                value += weights[i + reach] * pixel(image, x + i, y);
             across.at(x, y) = value / sum;
         }
     for (int y = 0; y < image.height; ++y)
         for (int x = 0; x < image.width; ++x) {
             float value = 0;
             for (int i = -reach; i <= reach; ++i)
-                value += weights[static_cast<std::size_t>(i + reach)] * pixel(across, x, y + i);
+                value += weights[i + reach] * pixel(across, x, y + i);
             out.at(x, y) = value / sum;
         }
     return out;

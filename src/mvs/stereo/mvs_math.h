@@ -252,7 +252,7 @@ TVSGS_HD inline Crosscheck crosscheck(const SourceView& source,
     const Vec2<int> q = source_pixel(source, T * point_reference);
     if (q.x < 0) return {};
     const int pixel = q.y * source.camera.width_px + q.x;
-    const float depth = depths[static_cast<std::size_t>(source.first_pixel + pixel)];
+    const float depth = depths[source.first_pixel + pixel];
     if (!(depth > 0)) return {};
     const Vec3f there = depth * pixel_ray(source.camera, q.x, q.y);
     const Vec3f back = transpose_times(T.R, there - T.t);

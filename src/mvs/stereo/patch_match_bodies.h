@@ -47,7 +47,7 @@ struct StereoPass {
     }
     TVSGS_HD float source_cost(
         int source, int x, int y, const ReferencePatch& patch, const SurfacePlane& plane) const {
-        const SourceView& s = sources[static_cast<std::size_t>(source)];
+        const SourceView& s = sources[source];
         return patch_cost(patch, source_image(s), plane_warp(s, camera, x, y, plane));
     }
 };
@@ -176,8 +176,8 @@ struct CopyBody {
 struct ClearBody {
     StereoPass pass;
     TVSGS_HD void operator()(int i) const {
-        pass.planes[static_cast<std::size_t>(i)] = {{0, 0, -1}, 0};
-        pass.costs[static_cast<std::size_t>(i)] = kWorstCost;
+        pass.planes[i] = {{0, 0, -1}, 0};
+        pass.costs[i] = kWorstCost;
     }
 };
 
@@ -316,9 +316,8 @@ private:
 
     /// Distance between the depths of the two views, in pixels of this view.
     TVSGS_HD float geometric_cost(int source, int x, int y, const SurfacePlane& plane) const {
-        const Crosscheck check =
-            crosscheck(pass.sources[static_cast<std::size_t>(source)], pass.camera,
-                       plane.depth * pixel_ray(pass.camera, x, y), depths);
+        const Crosscheck check = crosscheck(pass.sources[source], pass.camera,
+                                            plane.depth * pixel_ray(pass.camera, x, y), depths);
         return check.pixel >= 0 && check.reprojection_px < kGeometricCap_px ? check.reprojection_px
                                                                             : kGeometricCap_px;
     }
@@ -411,9 +410,7 @@ private:
 struct TakeDepthsBody {
     Span<const SurfacePlane> planes;
     Span<float> depths;
-    TVSGS_HD void operator()(int i) const {
-        depths[static_cast<std::size_t>(i)] = planes[static_cast<std::size_t>(i)].depth;
-    }
+    TVSGS_HD void operator()(int i) const { depths[i] = planes[i].depth; }
 };
 
 /// Median of 21 depths in a checkerboard around the pixel; removes single wrong depths.
@@ -422,7 +419,7 @@ struct MedianBody {
     Span<const float> depths;  // of this view
 
     TVSGS_HD void operator()(int i) const {
-        if (!(pass.costs[static_cast<std::size_t>(i)] > 1e-3f)) return;
+        if (!(pass.costs[i] > 1e-3f)) return;
         const int x = i % pass.camera.width_px, y = i / pass.camera.width_px;
         constexpr int kOffsets[21][2] = {{0, 0},  {0, -1},  {0, 1},  {0, -3}, {0, 3}, {0, -5},
                                          {0, 5},  {-1, 0},  {1, 0},  {-3, 0}, {3, 0}, {-5, 0},
@@ -438,7 +435,7 @@ struct MedianBody {
             for (; j > 0 && sorted[j - 1] > depth; --j) sorted[j] = sorted[j - 1];
             sorted[j] = depth;
         }
-        pass.planes[static_cast<std::size_t>(i)].depth = sorted[count / 2];
+        pass.planes[i].depth = sorted[count / 2];
     }
 };
 

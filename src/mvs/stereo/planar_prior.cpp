@@ -55,7 +55,7 @@ std::vector<SurfacePlane> planar_prior(const Camera& camera,
         Vec2<int> pixel[3];
         Vec3f point[3];
         for (std::size_t k = 0; k < 3; ++k) {
-            pixel[k] = points[static_cast<std::size_t>(corners[k])];
+            pixel[k] = points[corners[k]];
             point[k] = planes[index(pixel[k])].depth * pixel_ray(camera, pixel[k].x, pixel[k].y);
         }
         bool wide = false;

@@ -52,8 +52,8 @@ private:
         int begin, end, beyond;
     };
 
-    Triangle& triangle(int t) { return triangles_[static_cast<std::size_t>(t)]; }
-    Vec2<int> point(int p) const { return points_[static_cast<std::size_t>(p)]; }
+    Triangle& triangle(int t) { return triangles_[t]; }
+    Vec2<int> point(int p) const { return points_[p]; }
 
     /// Finds the triangle that contains a point, by walking from the newest one.
     int find(Vec2<int> p) {
@@ -98,7 +98,7 @@ private:
             }
             const Side& side = sides_[k];
             triangle(cavity_[k]) = {{side.begin, side.end, p}, {-1, -1, side.beyond}, -1};
-            begin_of_[static_cast<std::size_t>(side.begin)] = cavity_[k];
+            begin_of_[side.begin] = cavity_[k];
             if (side.beyond < 0) continue;
             Triangle& o = triangle(side.beyond);
             for (std::size_t i = 0; i < 3; ++i)
