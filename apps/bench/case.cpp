@@ -75,37 +75,10 @@ double list_error(const VotingCase& c,
         farthest = std::max(farthest, distance(i, j));
     }
     for (std::uint32_t j = 0; j < reach.size(); ++j)
-        if (j != self && reach[j] < limit * (1 - 1e-6) &&
-            !std::binary_search(mine.begin(), mine.end(), j))
+        if (j != self && reach[j] < limit * (1 - 1e-6) && !std::ranges::binary_search(mine, j))
             error = std::max(error, beyond(farthest, distance(i, j)));
     return error;
 }
-
-/// Compares one quantity splat by splat.
-class Comparison {
-public:
-    Comparison(CaseQuantity& quantity, std::vector<bool>& excused)
-        : quantity_(quantity), excused_(excused) {}
-
-    /// `moved`: by how much the oracle moves where its inputs are off by a unit in the last place.
-    void add(int splat, double difference, double moved) const {
-        constexpr double kSlack = 10;  // of few draws the largest is below the worst case
-        ++quantity_.defined, ++quantity_.compared;
-        const double limit = std::min(kSlack * moved, quantity_.ceiling);
-        if (difference > quantity_.bound && difference <= limit) {
-            ++quantity_.excused;
-            excused_[splat] = true;
-        } else if (!(difference <= quantity_.largest) && !std::isnan(quantity_.largest)) {
-            quantity_.largest = difference, quantity_.at = splat;
-        }
-    }
-    /// A result that rounding decides.
-    void add_undecided() const { ++quantity_.defined; }
-
-private:
-    CaseQuantity& quantity_;
-    std::vector<bool>& excused_;
-};
 
 class Comparer {
 public:
@@ -114,14 +87,14 @@ public:
 
     void lists(const VotingDetails& details) {
         const WhitenedDistance distance(case_);
-        const Comparison list = quantity("list", 1e-5, 1e-5);  // ties in float distances
+        CaseQuantity& list = quantity("list", 1e-5, 1e-5);  // ties in float distances
         for (int i = 0; i < case_.size(); ++i) {
             const auto mine = sorted_row(details.receivers, case_.k, i),
                        oracles = sorted_row(case_.receivers, case_.k, i);
             const bool same = mine == oracles;
             out_.lists_with_ties += same ? 0 : 1;
             const bool twice = std::adjacent_find(mine.begin(), mine.end()) != mine.end();
-            list.add(i, same ? 0 : twice ? 1 : list_error(case_, distance, i, mine), 0);
+            list.add(i, same ? 0 : twice ? 1 : list_error(case_, distance, i, mine), 0, excused_);
         }
     }
 
@@ -136,19 +109,19 @@ public:
         flag("normal_valid", [&](std::size_t i) { return (f.flags[i] & kNormalValid) != 0; });
         flag("position_valid", [&](std::size_t i) { return (f.flags[i] & kPositionValid) != 0; });
         flag("left_out", [&](std::size_t i) { return f.details.left_out[i] != 0; });
-        out_.excused = static_cast<int>(std::count(excused_.begin(), excused_.end(), true));
+        out_.excused = static_cast<int>(std::ranges::count(excused_, true));
     }
 
 private:
-    Comparison quantity(const char* name, double bound, double ceiling) {
-        out_.quantities.push_back({name, bound, ceiling});
-        return {out_.quantities.back(), excused_};
+    /// The result stays valid: compare_with_case() has reserved room for all.
+    CaseQuantity& quantity(const char* name, double bound, double ceiling) {
+        return out_.quantities.emplace_back(CaseQuantity{name, bound, ceiling});
     }
     double stored(const char* array, int i) const { return case_.at(array).numbers[i]; }
     /// Whether splat i has no result to compare, or one that rounding decides, which is counted.
-    bool skips(const Comparison& result, int i, bool unambiguous_only) const {
+    bool skips(CaseQuantity& result, int i, bool unambiguous_only) const {
         const double has = stored("has_tensor", i);
-        if (has == 2) result.add_undecided();
+        if (has == 2) ++result.defined;
         return has != 1 || (unambiguous_only && stored("normal_valid", i) != 1);
     }
     /// (lambda_2 - lambda_3) / lambda_1.
@@ -165,7 +138,7 @@ private:
                  double ceiling,
                  double least,
                  bool is_statistic) {
-        const Comparison result = quantity(name, bound, ceiling);
+        CaseQuantity& result = quantity(name, bound, ceiling);
         const std::string moves = str("moved_", name);
         const double middle_one = middle(case_.at(name).numbers);
         for (int i = 0; i < case_.size(); ++i) {
@@ -175,12 +148,12 @@ private:
             double unit = least < 0 ? 1 : std::max(std::abs(wanted), least * middle_one);
             if (unit == 0) unit = 1;
             result.add(i, std::abs(double(mine[i]) - wanted) / unit,
-                       stored(moves.c_str(), i) / unit);
+                       stored(moves.c_str(), i) / unit, excused_);
         }
     }
 
     void tensors(const FieldOnHost& f) {
-        const Comparison result = quantity("tensor", kTensorBound, 0.02);
+        CaseQuantity& result = quantity("tensor", kTensorBound, 0.02);
         std::vector<double> sizes;
         for (int i = 0; i < case_.size(); ++i)
             sizes.push_back(frobenius(sym(case_.at("tensor"), i)));
@@ -189,26 +162,26 @@ private:
             if (skips(result, i, false)) continue;
             const double size = std::max(sizes[i], least);
             const Sym3f off = difference(f.tensors[i], sym(case_.at("tensor"), i));
-            result.add(i, frobenius(off) / size, stored("moved_tensor", i) / size);
+            result.add(i, frobenius(off) / size, stored("moved_tensor", i) / size, excused_);
         }
     }
 
     void normals(const FieldOnHost& f) {
-        const Comparison result = quantity("normal_deg", kNormalBoundDeg, 5);
+        CaseQuantity& result = quantity("normal_deg", kNormalBoundDeg, 5);
         for (int i = 0; i < case_.size(); ++i) {
             if (skips(result, i, true)) continue;
             // The same error of a tensor turns its normal farther the smaller the gap is.
             const double share = std::min(1.0, gap(i) / kComparedGap);
             const double off =
                 angle_deg(vec_cast<double>(f.normals[i]), vec(case_.at("normal"), i));
-            result.add(i, share * off, stored("moved_normal_deg", i) * share);
+            result.add(i, share * off, stored("moved_normal_deg", i) * share, excused_);
         }
     }
 
     /// A target is one of eleven places on the voted normal, as salient as the oracle's.
     void targets(const FieldOnHost& f) {
-        const Comparison place = quantity("target_steps", 0.02, 0.02),
-                         saliency = quantity("target_saliency", 1e-4, 1e-2);
+        CaseQuantity &place = quantity("target_steps", 0.02, 0.02),
+                     &saliency = quantity("target_saliency", 1e-4, 1e-2);
         for (int i = 0; i < case_.size(); ++i) {
             if (skips(place, i, true) || !(gap(i) > kComparedGap)) continue;
             const Vec3<double> scales = scale(case_, i), mean = vec(case_.at("means"), i),
@@ -220,28 +193,29 @@ private:
             // Less what storing a point as floats rounds away; which may be all there is.
             const double rounding = norm(mean) * 1.1e-7;
             if (step < 2 * rounding) {
-                place.add(i, std::max(norm(offset) - kSteps * step - rounding, 0.0) / step, 0);
+                place.add(i, std::max(norm(offset) - kSteps * step - rounding, 0.0) / step, 0,
+                          excused_);
                 continue;
             }
             const double along_mine = dot(offset, normal) / step,
                          along_oracles = dot(target - mean, normal) / step;
             const auto is_place = [](double along) { return std::abs(along) < kSteps + 0.5; };
             if (!is_place(along_mine) || !is_place(along_oracles)) {
-                place.add(i, std::abs(along_mine - along_oracles) + kSteps, 0);
+                place.add(i, std::abs(along_mine - along_oracles) + kSteps, 0, excused_);
                 continue;
             }
             const int chosen = static_cast<int>(std::lround(along_mine)),
                       wanted = static_cast<int>(std::lround(along_oracles));
             const Vec3<double> at = chosen == wanted ? target - mean : chosen * step * normal;
             const double off = norm(offset - at) - rounding;
-            place.add(i, std::max(off, 0.0) / step, 0);
+            place.add(i, std::max(off, 0.0) / step, 0, excused_);
             if (stored("target_decided", i) == 2) {
-                saliency.add_undecided();
+                ++saliency.defined;
                 continue;
             }
             const double* all = &case_.at("saliency").numbers[std::size_t(i) * (2 * kSteps + 1)];
             saliency.add(i, std::abs(all[place_of(wanted)] - all[place_of(chosen)]),
-                         stored("moved_saliency", i));
+                         stored("moved_saliency", i), excused_);
         }
     }
     static constexpr int kSteps = 5;
@@ -250,13 +224,13 @@ private:
 
     template <class Mine>
     void flag(const char* array, const Mine& mine) {
-        const Comparison result = quantity(array, 0, 0);
+        CaseQuantity& result = quantity(array, 0, 0);
         for (int i = 0; i < case_.size(); ++i) {
             const double wanted = stored(array, i);
             if (wanted == 2)
-                result.add_undecided();
+                ++result.defined;
             else
-                result.add(i, mine(std::size_t(i)) == (wanted == 1) ? 0 : 1, 0);
+                result.add(i, mine(std::size_t(i)) == (wanted == 1) ? 0 : 1, 0, excused_);
         }
     }
 
@@ -266,6 +240,21 @@ private:
 };
 
 }  // namespace
+
+void CaseQuantity::add(int splat,
+                       double difference,
+                       double moved,
+                       std::vector<bool>& excused_splats) {
+    constexpr double kSlack = 10;  // of few draws the largest is below the worst case
+    ++defined, ++compared;
+    const double limit = std::min(kSlack * moved, ceiling);
+    if (difference > bound && difference <= limit) {
+        ++excused;
+        excused_splats[splat] = true;
+    } else if (!(difference <= largest) && !std::isnan(largest)) {
+        largest = difference, at = splat;
+    }
+}
 
 std::string CaseQuantity::fault() const {
     if (!(largest <= bound))
@@ -297,16 +286,14 @@ VotingCase read_voting_case(const std::string& path) {
     const std::int64_t count = shape.empty() ? 0 : shape[0];
     const auto expect_shape = [&](const char* name, std::vector<std::int64_t> wanted) {
         if (c.at(name).shape != wanted || c.at(name).is_text)
-            throw Error(ExitCode::input,
-                        str(path, ": array '", name, "' has a wrong shape for ", count,
-                            " splats; expected a case of the oracle, from "
-                            "tests/data/tensor_voting/tensor_voting.py --make"));
+            throw Error(ExitCode::input, path, ": array '", name, "' has a wrong shape for ", count,
+                        " splats; expected a case of the oracle, from "
+                        "tests/data/tensor_voting/tensor_voting.py --make");
     };
     if (c.at("index").shape.size() == 2) c.k = static_cast<int>(c.at("index").shape[1]);
     if (count < 2 || count > 10'000'000 || c.k < 1)
-        throw Error(ExitCode::input,
-                    str(path, ": ", count, " splats with lists of ", c.k,
-                        "; expected a case of the oracle, tensor_voting.py --make"));
+        throw Error(ExitCode::input, path, ": ", count, " splats with lists of ", c.k,
+                    "; expected a case of the oracle, tensor_voting.py --make");
     for (const char* name : {"means", "scales", "eigenvalues", "normal", "target"})
         expect_shape(name, {count, 3});
     for (const char* name :
@@ -335,20 +322,19 @@ VotingCase read_voting_case(const std::string& path) {
     }
     for (const double j : c.at("index").numbers) {
         if (!(j >= 0 && j < static_cast<double>(count)))
-            throw Error(ExitCode::input,
-                        str(path, ": array 'index' names splat ", j, " of ", count));
+            throw Error(ExitCode::input, path, ": array 'index' names splat ", j, " of ", count);
         c.receivers.push_back(static_cast<std::uint32_t>(j));
     }
     c.options.k = static_cast<int>(number("k"));
     c.rounds = static_cast<int>(number("rounds"));
     if (c.options.k < 1 || c.rounds < 1)
-        throw Error(ExitCode::input, str(path, ": k ", number("k"), ", rounds ", number("rounds"),
-                                         "; expected 1 or more"));
+        throw Error(ExitCode::input, path, ": k ", number("k"), ", rounds ", number("rounds"),
+                    "; expected 1 or more");
     const auto says = [&](const char* name, const char* usual, const char* choice) {
         const std::string& text = c.at(name).text;
         if (text != usual && text != choice)
-            throw Error(ExitCode::input, str(path, ": '", name, "' is '", text, "'; expected ",
-                                             usual, " or ", choice));
+            throw Error(ExitCode::input, path, ": '", name, "' is '", text, "'; expected ", usual,
+                        " or ", choice);
         return text == choice;
     };
     TvOptions& o = c.options;

@@ -40,6 +40,9 @@ struct CaseQuantity {
     int compared = 0;    // of these, those where the case says one thing only
     int excused = 0;     // beyond the bound by what a unit in the last place of float does to them
 
+    /// Compares the result of a splat. `moved`: by how much the oracle moves where its inputs are
+    /// off by a unit in the last place; marks the splat in `excused_splats` where that explains it.
+    void add(int splat, double difference, double moved, std::vector<bool>& excused_splats);
     /// Of what is wrong, one sentence; empty: nothing.
     std::string fault() const;
 };

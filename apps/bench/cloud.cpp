@@ -72,8 +72,8 @@ const std::vector<std::string>& bench_shapes() {
 
 Gaussians<Cpu> make_bench_cloud(const std::string& shape, int count, std::uint64_t seed) {
     const auto& shapes = bench_shapes();
-    if (std::find(shapes.begin(), shapes.end(), shape) == shapes.end())
-        throw Error(ExitCode::usage, str("--shape ", shape, ": unknown shape"));
+    if (std::ranges::find(shapes, shape) == shapes.end())
+        throw Error(ExitCode::usage, "--shape ", shape, ": unknown shape");
     Gaussians<Cpu> g;
     resize(g, count, 0);
     fill_zero(g);

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/math/quantile.h"
 #include "core/scene/gaussians.h"
 #include "tv/vote_math.h"
 #include "tv/voting.h"
@@ -71,9 +72,7 @@ inline std::vector<std::uint32_t> sorted_row(const std::vector<std::uint32_t>& l
 
 /// The middle one; of an even count the upper of the two.
 inline double middle(std::vector<double> values) {
-    const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), at, values.end());
-    return *at;
+    return middle_of(values);
 }
 
 }  // namespace tvsgs

@@ -4,7 +4,6 @@
 
 #include "apps/bench/cloud.h"
 #include "apps/bench/iteration.h"
-#include "apps/bench/stats.h"
 #include "apps/bench/subcommands.h"
 #include "apps/common/key_flags.h"
 #include "core/device/device_choice.h"

@@ -4,7 +4,6 @@
 
 #include "apps/bench/case.h"
 #include "apps/bench/cloud.h"
-#include "apps/bench/stats.h"
 #include "apps/bench/subcommands.h"
 #include "apps/common/key_flags.h"
 #include "core/device/device_choice.h"
@@ -33,8 +32,7 @@ struct VoteArguments {
 constexpr std::string_view kRebuildStages[] = {"keys", "tree", "search", "reverse"};
 
 bool is_rebuild(const std::string& stage) {
-    return std::find(std::begin(kRebuildStages), std::end(kRebuildStages), stage) !=
-           std::end(kRebuildStages);
+    return std::ranges::find(kRebuildStages, stage) != std::end(kRebuildStages);
 }
 
 struct Measured {
