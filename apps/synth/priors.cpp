@@ -1,11 +1,9 @@
-#include "apps/synth/priors.h"
-
 #include <zlib.h>
 
-#include <bit>
 #include <filesystem>
 #include <limits>
 
+#include "apps/synth/views.h"
 #include "core/error.h"
 #include "core/math/rng.h"
 #include "io/files/atomic_file.h"
@@ -24,11 +22,6 @@ struct PriorMaps {
     Camera camera;
     ImageF z, depth, normal;  // depth: in the stored quantity
     float low = 0, high = 1;  // range of `depth`
-
-    std::string bytes_of(const ImageF& map) const {
-        return {reinterpret_cast<const char*>(map.pixels.data()),
-                map.pixels.size() * sizeof(float)};
-    }
 };
 
 /// The central square at 384 pixels, the input of Omnidata.
@@ -121,33 +114,35 @@ void write_planar(const std::string& path, const ImageF& map) {
     write_npy(path, {map.channels, map.height, map.width}, planar(map).pixels.data());
 }
 
-template <class T>
-std::string words(std::initializer_list<T> values) {
-    std::string bytes;
-    for (const T& value : values) bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-    return bytes;
+template <class List>
+std::string bytes_of(const List& values) {
+    return {reinterpret_cast<const char*>(std::data(values)),
+            std::size(values) * sizeof(*std::data(values))};
 }
 
-void write_dmb(const std::string& path, const PriorMaps& maps, const ImageF& map) {
-    write_text_file(
-        path, words<std::int32_t>({1, map.height, map.width, map.channels}) + maps.bytes_of(map));
+void write_dmb(const std::string& path, const ImageF& map) {
+    const std::int32_t head[] = {1, map.height, map.width, map.channels};
+    write_text_file(path, bytes_of(head) + bytes_of(map.pixels));
 }
 
-void write_colmap_map(const std::string& path, const PriorMaps& maps, const ImageF& map) {
-    write_text_file(
-        path, str(map.width, '&', map.height, '&', map.channels, '&') + maps.bytes_of(planar(map)));
+void write_colmap_map(const std::string& path, const ImageF& map) {
+    write_text_file(path, str(map.width, '&', map.height, '&', map.channels, '&') +
+                              bytes_of(planar(map).pixels));
 }
 
-void write_pfm(const std::string& path, const PriorMaps& maps, const ImageF& map) {
+void write_pfm(const std::string& path, const ImageF& map) {
     ImageF turned = map;
     for (int y = 0; y < map.height; ++y)
         std::copy_n(&map.at(0, map.height - 1 - y), map.width, &turned.at(0, y));
     write_text_file(path,
-                    str("Pf\n", map.width, ' ', map.height, "\n-1.0\n") + maps.bytes_of(turned));
+                    str("Pf\n", map.width, ' ', map.height, "\n-1.0\n") + bytes_of(turned.pixels));
 }
 
-std::uint32_t big_endian(std::uint32_t value) {
-    return std::endian::native == std::endian::big ? value : __builtin_bswap32(value);
+/// The lowest 32 bits, the highest byte first.
+std::string big_endian(std::size_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift & 255);
+    return bytes;
 }
 
 /// 16-bit grey; our own PNG writer has only 8 bits.
@@ -156,9 +151,8 @@ void write_png16(const std::string& path, const ImageF& map) {
     for (int y = 0; y < map.height; ++y) {
         rows += '\0';
         for (int x = 0; x < map.width; ++x) {
-            const auto value = static_cast<int>(std::clamp(std::lround(map.at(x, y)), 0L, 65535L));
-            rows += static_cast<char>(value >> 8);
-            rows += static_cast<char>(value & 255);
+            const long value = std::clamp(std::lround(map.at(x, y)), 0L, 65535L);
+            rows += {static_cast<char>(value >> 8), static_cast<char>(value & 255)};
         }
     }
     uLongf size = compressBound(rows.size());
@@ -167,15 +161,12 @@ void write_png16(const std::string& path, const ImageF& map) {
              reinterpret_cast<const Bytef*>(rows.data()), rows.size());
     packed.resize(size);
     const auto chunk = [](std::string data) {
-        const auto sum = static_cast<std::uint32_t>(
-            crc32(0, reinterpret_cast<const Bytef*>(data.data()), static_cast<uInt>(data.size())));
-        return words({big_endian(static_cast<std::uint32_t>(data.size()) - 4)}) + data +
-               words({big_endian(sum)});
+        const uLong sum =
+            crc32(0, reinterpret_cast<const Bytef*>(data.data()), static_cast<uInt>(data.size()));
+        return big_endian(data.size() - 4) + data + big_endian(sum);
     };
     write_text_file(path, "\x89PNG\r\n\x1a\n" +
-                              chunk("IHDR" +
-                                    words({big_endian(static_cast<std::uint32_t>(map.width)),
-                                           big_endian(static_cast<std::uint32_t>(map.height))}) +
+                              chunk("IHDR" + big_endian(map.width) + big_endian(map.height) +
                                     std::string("\x10\0\0\0\0", 5)) +
                               chunk("IDAT" + packed) + chunk("IEND"));
 }
@@ -236,18 +227,18 @@ void write_priors(const std::string& out,
             value = value > 0 ? (1 / value - low) / png_scale(maps) * 65536 : 0;
         write_png16(path(str("depths/", stem, ".png")), inverse);
     } else if (format == "colmap") {
-        write_colmap_map(path(str("stereo/depth_maps/", view.name, ".geometric.bin")), maps,
+        write_colmap_map(path(str("stereo/depth_maps/", view.name, ".geometric.bin")),
                          mapped(maps.depth, scale, 0, 0));
-        write_colmap_map(path(str("stereo/normal_maps/", view.name, ".geometric.bin")), maps,
+        write_colmap_map(path(str("stereo/normal_maps/", view.name, ".geometric.bin")),
                          maps.normal);
     } else if (format == "mvsnet") {
         const std::string name = str("0000", stem, ".pfm");
-        write_pfm(path("depth_est/" + name), maps, mapped(maps.depth, scale, 0, 0));
-        write_pfm(path("confidence/" + name), maps, mapped(maps.depth, 0, 0.8f, 0));
+        write_pfm(path("depth_est/" + name), mapped(maps.depth, scale, 0, 0));
+        write_pfm(path("confidence/" + name), mapped(maps.depth, 0, 0.8f, 0));
     } else if (format == "acmm") {
         const std::string folder = str("ACMM/2333_0000", stem, "/");
-        write_dmb(path(folder + "depths_geom.dmb"), maps, mapped(maps.depth, scale, 0, 0));
-        write_dmb(path(folder + "normals.dmb"), maps, maps.normal);
+        write_dmb(path(folder + "depths_geom.dmb"), mapped(maps.depth, scale, 0, 0));
+        write_dmb(path(folder + "normals.dmb"), maps.normal);
     } else if (format == "omnidata") {
         write_array(path(str("omnidata/", stem, "_depth.npy")),
                     mapped(maps.depth, spread, -maps.low * spread, kNaN));

@@ -8,7 +8,7 @@
 
 #include "apps/synth/lens.h"
 #include "apps/synth/photo.h"
-#include "apps/synth/priors.h"
+#include "apps/synth/views.h"
 #include "apps/synth/wide.h"
 #include "core/error.h"
 #include "core/grouped.h"
@@ -90,21 +90,6 @@ bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth)
     return z <= farthest + 0.1f * kMeshSpacing;
 }
 
-/// Marks the samples in a view's pinhole `camera` with its `depth` that the photograph shows, too.
-/// `whole`: the view's camera.
-void mark_visible(std::vector<Sample>& samples,
-                  int view,
-                  const Camera& camera,
-                  const ImageF& depth,
-                  const Lens& lens,
-                  const Camera& whole) {
-    parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int i) {
-        if (is_visible(samples[i], camera, depth) &&
-            lens.find(project(whole, samples[i].position).pixel))
-            samples[i].views.push_back(view);
-    });
-}
-
 /// Renders and writes one photograph and its mask; marks the samples that the view sees.
 void write_view(const std::string& out,
                 const TriangleMesh& mesh,
@@ -118,8 +103,14 @@ void write_view(const std::string& out,
     const Camera fine = lens.pinhole(views[i].camera);
     MeshRender render = render_mesh(highlights ? highlights->seen_from(camera_centre(fine)) : mesh,
                                     fine, {.smooth_normals = false});
-    mark_visible(points, i, fine, render.depth, lens, views[i].camera);
-    mark_visible(truth, i, fine, render.depth, lens, views[i].camera);
+    for (std::vector<Sample>* const samples : {&points, &truth})
+        parallel_for(Cpu{}, static_cast<int>(samples->size()), [&](int k) {
+            Sample& sample = (*samples)[k];
+            // The photograph shows less than the pinhole that covers it.
+            if (is_visible(sample, fine, render.depth) &&
+                lens.find(project(views[i].camera, sample.position).pixel))
+                sample.views.push_back(i);
+        });
 
     if (options.masks) {
         ImageF hit(fine.width_px, fine.height_px, 1);
@@ -212,9 +203,8 @@ void write_colmap(const std::string& folder,
 PointCloud seen_twice(const std::vector<Sample>& samples, const std::vector<int>& views) {
     PointCloud cloud;
     for (const Sample& sample : samples) {
-        const auto seen = std::count_if(sample.views.begin(), sample.views.end(), [&](int view) {
-            return std::binary_search(views.begin(), views.end(), view);
-        });
+        const auto seen = std::ranges::count_if(
+            sample.views, [&](int view) { return std::ranges::binary_search(views, view); });
         if (seen < 2) continue;
         cloud.positions.push_back(sample.position);
         cloud.normals.push_back(sample.normal);
@@ -325,14 +315,13 @@ void write_scene(const SynthOptions& options, const std::string& out) {
 
     std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
     const Splits splits = make_splits(views, options.test_views);
-    if (options.pose_noise > 0) {
+    const bool exact = !(options.pose_noise > 0);
+    write_colmap(out + (exact ? "/sparse/0" : "/gt/sparse"), views, views, lens, points,
+                 options.seed);
+    if (!exact)
         write_colmap(out + "/sparse/0", views,
                      moved_views(views, splits.train_all, options.pose_noise, options.seed), lens,
                      points, options.seed);
-        write_colmap(out + "/gt/sparse", views, views, lens, points, options.seed);
-    } else {
-        write_colmap(out + "/sparse/0", views, views, lens, points, options.seed);
-    }
     write_text_file(out + "/splits.json", splits_json(splits, views));
     std::vector<int> all(views.size());
     std::iota(all.begin(), all.end(), 0);

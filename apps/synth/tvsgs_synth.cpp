@@ -7,7 +7,7 @@
 #include "apps/common/command_line.h"
 #include "apps/synth/lens.h"
 #include "apps/synth/object.h"
-#include "apps/synth/priors.h"
+#include "apps/synth/views.h"
 #include "io/files/manifest.h"
 #include "pipeline/run/signals.h"
 
@@ -25,7 +25,7 @@ std::vector<fs::path> files_below(const fs::path& folder) {
     return files;
 }
 
-int run(const SynthOptions& options) {
+void run(const SynthOptions& options) {
     if (options.test_views.value_or(0) > options.views - 2)
         throw usage_error("--test-views ", *options.test_views, ": ", options.views,
                           " views would leave fewer than two for training; give at most ",
@@ -70,15 +70,13 @@ int run(const SynthOptions& options) {
                 if (failure) break;
             }
         }
-        if (failure)
-            throw Error(ExitCode::io, str(target, ": cannot write it: ", failure.message()));
+        if (failure) throw Error(ExitCode::io, target, ": cannot write it: ", failure.message());
         fs::remove_all(partial, failure);
     };
     const SignalGuard signals;
     try {
         fs::create_directories(partial, failure);
-        if (failure)
-            throw Error(ExitCode::io, str(partial, ": cannot make it: ", failure.message()));
+        if (failure) throw Error(ExitCode::io, partial, ": cannot make it: ", failure.message());
         start_manifest(partial);
         write_scene(options, partial);
         move_in_place();
@@ -86,7 +84,6 @@ int run(const SynthOptions& options) {
         fs::remove_all(partial, failure);
         throw;
     }
-    return static_cast<int>(ExitCode::done);
 }
 
 }  // namespace
@@ -144,10 +141,10 @@ int command(int argc, char** argv) {
     app.add_flag("--overwrite", options.overwrite, "replace an earlier scene");
     add_log_flags(app);
     parse_command_line(app, argc, argv);
-    const int code = run(options);
+    run(options);
     say_next({"tvsgs-train", "--scene", options.out, "--split", "train_all"},
              "train on all views but the test views");
-    return code;
+    return 0;
 }
 
 }  // namespace tvsgs

@@ -1,4 +1,5 @@
-// The cameras of tvsgs-synth, and the choice of training and test views.
+// The options and cameras of tvsgs-synth, the choice of training and test views, and what it
+// writes.
 #pragma once
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "core/math/rigid.h"
 #include "core/math/rng.h"
 #include "core/scene/camera.h"
+#include "core/scene/mesh.h"
 #include "render/tiles/camera_math.h"
 
 namespace tvsgs::synth {
@@ -54,6 +56,24 @@ struct SynthView {
 /// Writes a scene to the folder `out`, which must exist: photographs, cameras, initial points,
 /// masks, priors, the exact surface. The same options give the same files.
 void write_scene(const SynthOptions& options, const std::string& out);
+
+/// The formats of --priors.
+inline const std::vector<std::string> kPriorFormats{"npy",    "vggt", "params",   "colmap",
+                                                    "mvsnet", "acmm", "omnidata", "json"};
+
+/// Writes priors in the formats of other programs: depth and normals of one view, and the format's
+/// other files.
+void write_priors(const std::string& out,
+                  const TriangleMesh& mesh,
+                  const SynthOptions& options,
+                  const SynthView& view,
+                  int index);
+
+/// Writes the format's files for all views together.
+void finish_priors(const std::string& out,
+                   const TriangleMesh& mesh,
+                   const SynthOptions& options,
+                   const std::vector<SynthView>& views);
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 

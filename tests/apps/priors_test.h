@@ -10,7 +10,7 @@
 #include <sstream>
 #include <tuple>
 
-#include "apps/synth/priors.h"
+#include "apps/synth/views.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
