@@ -1,7 +1,6 @@
 // Tests the formulas of stereo for one pixel.
 #include "analytic_scene.h"
 #include "mvs/stereo/depth_fusion_bodies.h"
-#include "mvs/stereo/depth_segments.h"
 #include "mvs/stereo/mvs_math.h"
 #include "mvs/stereo/stereo_images.h"
 #include "support/numeric.h"

@@ -4,8 +4,7 @@
 #include <set>
 
 #include "analytic_scene.h"
-#include "mvs/stereo/planar_prior.h"
-#include "mvs/stereo/triangulation.h"
+#include "mvs/stereo/depth_completion.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -5,8 +5,7 @@
 
 #include "core/error.h"
 #include "mvs/priors/prior_fit.h"
-#include "mvs/priors/prior_normals.h"
-#include "mvs/stereo/visible_points.h"
+#include "mvs/stereo/view_selection.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

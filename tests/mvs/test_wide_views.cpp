@@ -5,7 +5,7 @@
 
 #include "analytic_scene.h"
 #include "core/error.h"
-#include "mvs/stereo/coarse_cloud.h"
+#include "mvs/stereo/patch_match.h"
 #include "mvs/stereo/view_selection.h"
 
 namespace tvsgs {

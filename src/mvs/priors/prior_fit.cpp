@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/math/quantile.h"
 #include "core/math/rng.h"
 
 namespace tvsgs {
@@ -32,10 +33,7 @@ Equations equations_of(const PriorSamples& samples, const PriorReading& reading)
 }
 
 double median_of(std::vector<double>& values) {
-    if (values.empty()) return std::numeric_limits<double>::infinity();
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
+    return values.empty() ? std::numeric_limits<double>::infinity() : middle_of(values);
 }
 
 struct Line {
@@ -207,8 +205,8 @@ double rank_correlation(const PriorSamples& samples) {
     const auto ranks = [&](const auto& key) {
         std::vector<std::size_t> order(samples.size());
         std::iota(order.begin(), order.end(), std::size_t{0});
-        std::sort(order.begin(), order.end(),
-                  [&](std::size_t a, std::size_t b) { return key(samples[a]) < key(samples[b]); });
+        std::ranges::sort(
+            order, [&](std::size_t a, std::size_t b) { return key(samples[a]) < key(samples[b]); });
         std::vector<double> rank(samples.size());
         for (std::size_t i = 0; i < order.size();) {
             std::size_t end = i + 1;  // equal values share their mean rank

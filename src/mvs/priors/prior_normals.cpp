@@ -1,5 +1,3 @@
-#include "mvs/priors/prior_normals.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -7,6 +5,7 @@
 #include "core/error.h"
 #include "core/math/eigen.h"
 #include "core/math/point_tree.h"
+#include "mvs/priors/prior_fit.h"
 
 namespace tvsgs {
 
@@ -96,20 +95,18 @@ NormalChoice choose_normals(const std::vector<NormalSample>& samples,
     const double expected = cosine(choice.reading);
     const auto two_digits = [](double c) { return std::round(100 * c) / 100; };
     if (!(highest > kLeast))
-        throw Error(
-            ExitCode::input,
-            str("E_PRIORS: normals: no frame agrees with the surface at ", samples.size(),
-                " points (best mean cosine ", two_digits(highest), ", ", text_of(best),
-                "; expected above ", kLeast, "); are they the normals of these photographs?"));
+        throw Error(ExitCode::input, "E_PRIORS: normals: no frame agrees with the surface at ",
+                    samples.size(), " points (best mean cosine ", two_digits(highest), ", ",
+                    text_of(best), "; expected above ", kLeast,
+                    "); are they the normals of these photographs?");
     choice.cosine = expected;
     if (highest < expected + kClearly) return choice;
     if (!convention.declared_by.empty())
-        throw Error(ExitCode::input,
-                    str("E_PRIORS: ", convention.declared_by, ": normals in frame ",
-                        text_of(choice.reading), " agree with the surface at ", samples.size(),
-                        " points with a mean cosine of ", two_digits(expected), ", in frame ",
-                        text_of(best), " with ", two_digits(highest),
-                        "; declare the latter frame and facing"));
+        throw Error(ExitCode::input, "E_PRIORS: ", convention.declared_by, ": normals in frame ",
+                    text_of(choice.reading), " agree with the surface at ", samples.size(),
+                    " points with a mean cosine of ", two_digits(expected), ", in frame ",
+                    text_of(best), " with ", two_digits(highest),
+                    "; declare the latter frame and facing");
     choice.reading = best, choice.cosine = highest;
     return choice;
 }

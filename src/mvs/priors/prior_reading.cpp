@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/math/quantile.h"
 #include "mvs/priors/prior_fit.h"
 
 namespace tvsgs {
@@ -24,9 +25,7 @@ Tested test_reading(const PriorReading& reading, const std::vector<const PriorSa
     for (const PriorSamples* samples : views)
         tested.residuals.push_back(fit_prior(*samples, reading).residual);
     std::vector<double> sorted = tested.residuals;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    tested.residual = *middle;
+    tested.residual = middle_of(sorted);
     return tested;
 }
 
@@ -45,9 +44,7 @@ bool is_clearly_better(const Tested& a, const Tested& b) {
 }
 
 const Tested& best_of(const std::vector<Tested>& tested) {
-    return *std::min_element(tested.begin(), tested.end(), [](const Tested& a, const Tested& b) {
-        return a.residual < b.residual;
-    });
+    return *std::ranges::min_element(tested, {}, &Tested::residual);
 }
 
 std::string percent(double share) {
@@ -68,9 +65,7 @@ std::string table_of(const std::vector<Tested>& tested) {
 double agreement(const std::vector<const PriorSamples*>& views, PriorQuantity quantity) {
     std::vector<double> all;
     for (const PriorSamples* samples : views) all.push_back(rank_correlation(*samples));
-    const auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
-    std::nth_element(all.begin(), middle, all.end());
-    return quantity == PriorQuantity::inverse_depth ? -*middle : *middle;
+    return (quantity == PriorQuantity::inverse_depth ? -1 : 1) * middle_of(all);
 }
 
 /// All readings with the alignment of the convention or with more unknowns.
@@ -96,10 +91,9 @@ PriorReading choose_order(const std::vector<const PriorSamples*>& views,
                                     ? PriorQuantity::depth
                                     : PriorQuantity::inverse_depth;
     if (convention.quantity != PriorQuantity::unknown)
-        throw Error(ExitCode::input,
-                    str("E_PRIORS: ", who, " have the reverse order of ", text_of(usual),
-                        " (rank correlation ", std::round(100 * rho) / 100,
-                        "); set priors.quantity to ", name_of(other)));
+        throw Error(ExitCode::input, "E_PRIORS: ", who, " have the reverse order of ",
+                    text_of(usual), " (rank correlation ", std::round(100 * rho) / 100,
+                    "); set priors.quantity to ", name_of(other));
     usual.quantity = other;
     return usual;
 }
@@ -149,7 +143,7 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
                               r.geometry == convention.geometry));
     };
     // 2. Keeps the assumed reading unless another is clearly better; fewest unknowns first.
-    Tested chosen = *std::find_if(tested.begin(), tested.end(), [&](const Tested& t) {
+    Tested chosen = *std::ranges::find_if(tested, [&](const Tested& t) {
         return t.reading.quantity == usual.quantity && t.reading.geometry == usual.geometry &&
                t.reading.alignment == usual.alignment;
     });
@@ -167,19 +161,17 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
         if (t.reading.alignment == usual.alignment) alike.push_back(t);
     const Tested& rival = best_of(alike);
     if (rival.residual <= max_residual && is_clearly_better(rival, chosen))
-        throw Error(ExitCode::input,
-                    str("E_PRIORS: ", where, ": ", text_of(chosen.reading), against, " fits ",
-                        percent(chosen.residual), ", ", text_of(rival.reading), " fits ",
-                        percent(rival.residual), "; set the quantity (priors.quantity) to ",
-                        name_of(rival.reading.quantity), " and the geometry to ",
-                        name_of(rival.reading.geometry)));
+        throw Error(ExitCode::input, "E_PRIORS: ", where, ": ", text_of(chosen.reading), against,
+                    " fits ", percent(chosen.residual), ", ", text_of(rival.reading), " fits ",
+                    percent(rival.residual), "; set the quantity (priors.quantity) to ",
+                    name_of(rival.reading.quantity), " and the geometry to ",
+                    name_of(rival.reading.geometry));
     if (!(chosen.residual <= max_residual))
         throw Error(
-            ExitCode::input,
-            str("E_PRIORS: ", where, ": the numbers", against,
-                " do not fit within priors.max_residual = ", max_residual, ":", table_of(tested),
-                "\n  Are they the maps of these photographs, in the frame of this scene? To ignore "
-                "them give priors.source=stereo"));
+            ExitCode::input, "E_PRIORS: ", where, ": the numbers", against,
+            " do not fit within priors.max_residual = ", max_residual, ":", table_of(tested),
+            "\n  Are they the maps of these photographs, in the frame of this scene? To ignore "
+            "them give priors.source=stereo");
     choice.reading = chosen.reading;
     choice.residual = chosen.residual;
     return choice;

@@ -1,5 +1,3 @@
-#include "mvs/stereo/coarse_cloud.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,6 +5,7 @@
 #include <optional>
 
 #include "core/device/parallel.h"
+#include "mvs/stereo/patch_match.h"
 #include "mvs/stereo/view_selection.h"
 
 namespace tvsgs {
@@ -98,11 +97,10 @@ private:
         const auto differs_less = [&](std::size_t a, std::size_t b) {
             return looks[a].difference < looks[b].difference;
         };
-        const auto alike = std::count_if(common.begin(), common.end(), [&](std::size_t k) {
-            return looks[k].difference < 0.5f * mean;
-        });
+        const auto alike = std::ranges::count_if(
+            common, [&](std::size_t k) { return looks[k].difference < 0.5f * mean; });
         if (alike == 0 || kMostAlike * alike > std::ssize(common)) return std::nullopt;
-        return points[*std::min_element(common.begin(), common.end(), differs_less)];
+        return points[*std::ranges::min_element(common, differs_less)];
     }
 
     bool is_outside(const View& view, int x, int y) const {
@@ -131,7 +129,7 @@ private:
         }
         Look look{static_cast<int>(differences.size()), INFINITY};
         if (differences.empty() || outside) return look;
-        std::sort(differences.begin(), differences.end());
+        std::ranges::sort(differences);
         const std::size_t count = (differences.size() + 1) / 2;
         look.difference =
             std::accumulate(differences.begin(),

@@ -96,19 +96,15 @@ struct System {
     }
 };
 
-struct Product {
-    const Values &a, &b;
-    double operator()(int i) const { return a[i] * b[i]; }
-};
-
 /// Solves system * x = b, starting from x, with the diagonal as the preconditioner.
 void conjugate_gradients(const System& system, const Values& b, Values& x) {
     const std::size_t n = b.size();
     Values r(n), z(n), p(n), q(n), partial(kSumBlocks);
     const auto dot = [&](const Values& u, const Values& v) {
         double sum = 0;
-        add_sum(Cpu{}, static_cast<int>(n), Product{u, v}, 1, {partial.data(), partial.size()},
-                &sum);
+        add_sum(
+            Cpu{}, static_cast<int>(n), [&](int i) { return u[i] * v[i]; }, 1,
+            {partial.data(), partial.size()}, &sum);
         return sum;
     };
     const auto precondition = [&](std::size_t at) {
@@ -154,7 +150,7 @@ Values solve(const Level& level) {
         for (std::size_t at = 0; at < n; ++at)
             x[at] = half[at / level.width / 2 * coarse.width + at % level.width / 2];
     } else {
-        std::fill(x.begin(), x.end(), sum / weights);
+        std::ranges::fill(x, sum / weights);
     }
     conjugate_gradients(system, b, x);
     return x;

@@ -64,22 +64,18 @@ ImageF blurred(const ImageF& image, float sigma) {
         weights.push_back(std::exp(-0.5f * t * t));
         sum += weights.back();
     }
-    ImageF across(image.width, image.height, 1), out = across;
-    for (int y = 0; y < image.height; ++y)
-        for (int x = 0; x < image.width; ++x) {
-            float value = 0;
-            for (int i = -reach; i <= reach; ++i)
-                value += weights[i + reach] * pixel(image, x + i, y);
-            across.at(x, y) = value / sum;
-        }
-    for (int y = 0; y < image.height; ++y)
-        for (int x = 0; x < image.width; ++x) {
-            float value = 0;
-            for (int i = -reach; i <= reach; ++i)
-                value += weights[i + reach] * pixel(across, x, y + i);
-            out.at(x, y) = value / sum;
-        }
-    return out;
+    const auto along = [&](const ImageF& from, int step_x, int step_y) {
+        ImageF out(from.width, from.height, 1);
+        for (int y = 0; y < from.height; ++y)
+            for (int x = 0; x < from.width; ++x) {
+                float value = 0;
+                for (int i = -reach; i <= reach; ++i)
+                    value += weights[i + reach] * pixel(from, x + i * step_x, y + i * step_y);
+                out.at(x, y) = value / sum;
+            }
+        return out;
+    };
+    return along(along(image, 1, 0), 0, 1);
 }
 
 }  // namespace

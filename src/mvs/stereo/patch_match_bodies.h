@@ -66,14 +66,16 @@ struct Checkerboard {
     }
 };
 
+/// Inserts a value into `count` ascending ones.
+TVSGS_HD inline void insert_sorted(float* sorted, int count, float value) {
+    for (; count > 0 && sorted[count - 1] > value; --count) sorted[count] = sorted[count - 1];
+    sorted[count] = value;
+}
+
 /// Mean of the `best` smallest of `count` costs.
 TVSGS_HD inline float mean_of_best(const float* costs, int count, int best) {
     float sorted[kMaxSources];
-    for (int i = 0; i < count; ++i) {
-        int j = i;
-        for (; j > 0 && sorted[j - 1] > costs[i]; --j) sorted[j] = sorted[j - 1];
-        sorted[j] = costs[i];
-    }
+    for (int i = 0; i < count; ++i) insert_sorted(sorted, i, costs[i]);
     float sum = 0;
     for (int i = 0; i < best; ++i) sum += sorted[i];
     return sum / static_cast<float>(best);
@@ -429,11 +431,7 @@ struct MedianBody {
         int count = 0;
         for (const auto& offset : kOffsets) {
             const int px = x + offset[0], py = y + offset[1];
-            if (!pass.contains(px, py)) continue;
-            const float depth = depths[pass.index(px, py)];
-            int j = count++;
-            for (; j > 0 && sorted[j - 1] > depth; --j) sorted[j] = sorted[j - 1];
-            sorted[j] = depth;
+            if (pass.contains(px, py)) insert_sorted(sorted, count++, depths[pass.index(px, py)]);
         }
         pass.planes[i].depth = sorted[count / 2];
     }

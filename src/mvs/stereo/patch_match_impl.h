@@ -10,7 +10,6 @@
 #include "core/grouped.h"
 #include "core/progress.h"
 #include "mvs/stereo/depth_fusion_bodies.h"
-#include "mvs/stereo/depth_segments.h"
 #include "mvs/stereo/patch_match.h"
 #include "mvs/stereo/stereo_images.h"
 #include "mvs/stereo/view_selection.h"
@@ -107,9 +106,8 @@ private:
         first_pixel_.push_back(static_cast<int>(pixels));
         if (pixels > 2000000000)
             throw Error(
-                ExitCode::memory,
-                str(view_count(), " views with ", grouped(pixels),
-                    " pixels: too many for stereo (limit 2,000,000,000); use smaller images (-r)"));
+                ExitCode::memory, view_count(), " views with ", grouped(pixels),
+                " pixels: too many for stereo (limit 2,000,000,000); use smaller images (-r)");
         std::vector<float> grey;
         grey.reserve(pixels);
         for (int v = 0; v < view_count(); ++v) {
@@ -168,8 +166,8 @@ private:
             pass.level = level;
             pass.image = {images_.data() + first_pixel_[i], pass.camera.width_px,
                           pass.camera.height_px, level_of(v, level).min_variance};
-            pass.images = std::as_const(images_).span();
-            pass.sources = {std::as_const(sources_).data() + source_begin_[i],
+            pass.images = images_.span();
+            pass.sources = {sources_.data() + source_begin_[i],
                             source_begin_[i + 1] - source_begin_[i]};
             pass.planes = of_view(planes_.span(), v);
             pass.costs = of_view(costs_.span(), v);
@@ -185,7 +183,7 @@ private:
 
     void take_depths() {
         parallel_for(Device{}, static_cast<int>(planes_.size()),
-                     TakeDepthsBody{std::as_const(planes_).span(), depths_.span()});
+                     TakeDepthsBody{planes_.span(), depths_.span()});
     }
 
     void iterate(int iteration, bool by_best_sources, bool geometric) {
@@ -194,7 +192,7 @@ private:
                       height = pass.camera.height_px;
             if (n == 0) continue;
             const int best_sources = by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0;
-            const auto depths = geometric ? std::as_const(depths_).span() : Span<const float>{};
+            const Span<const float> depths = geometric ? depths_.span() : Span<float>{};
             for (int color = 0; color < 2; ++color)
                 parallel_for(
                     Device{}, Checkerboard::count(width, height),
@@ -204,16 +202,12 @@ private:
         }
     }
 
-    void remove_single_depths() {
+    StereoResult fuse() {
         take_depths();
         for (const StereoPass& pass : passes_)
             if (!pass.sources.empty())
                 parallel_for(Device{}, pixel_count(pass.view),
-                             MedianBody{pass, of_view(std::as_const(depths_).span(), pass.view)});
-    }
-
-    StereoResult fuse() {
-        remove_single_depths();
+                             MedianBody{pass, of_view(depths_.span(), pass.view)});
         take_depths();
         const std::size_t pixels = planes_.size();
         const float degree = 3.14159265f / 180;
@@ -232,14 +226,13 @@ private:
             copy(options_.use_masks ? pyramids_[v].mask : std::vector<std::uint8_t>(), mask);
             uniqueness.resize(static_cast<std::size_t>(pixel_count(v)));
             parallel_for(Device{}, pixel_count(v),
-                         FilterBody{pass, filter, std::cos(kMinAngleDeg * degree),
-                                    std::as_const(depths_).span(), std::as_const(planes_).span(),
-                                    std::as_const(mask).span(), of_view(kept.span(), v),
+                         FilterBody{pass, filter, std::cos(kMinAngleDeg * degree), depths_.span(),
+                                    planes_.span(), mask.span(), of_view(kept.span(), v),
                                     of_view(confidences.span(), v), uniqueness.span()});
-            parallel_for(Device{}, pixel_count(v),
-                         DropRepeatedBody{pass.camera.width_px, pass.camera.height_px,
-                                          std::as_const(uniqueness).span(), of_view(kept.span(), v),
-                                          of_view(confidences.span(), v)});
+            parallel_for(
+                Device{}, pixel_count(v),
+                DropRepeatedBody{pass.camera.width_px, pass.camera.height_px, uniqueness.span(),
+                                 of_view(kept.span(), v), of_view(confidences.span(), v)});
         }
         std::vector<float> depths = to_host(kept);
         std::vector<float> confidence = to_host(confidences);
@@ -262,17 +255,15 @@ private:
         for (const StereoPass& pass : passes_)
             parallel_for(
                 Device{}, pixel_count(pass.view),
-                ConfirmBody{pass, fusion, std::as_const(kept).span(), std::as_const(planes_).span(),
+                ConfirmBody{pass, fusion, kept.span(), planes_.span(),
                             of_view(confirmed.span(), pass.view), first_pixel_[pass.view]});
         Buffer<FusedPoint, Device> points;
         for (const StereoPass& pass : passes_) {
             const int v = pass.view;
             points.resize(static_cast<std::size_t>(pixel_count(v)));
             parallel_for(Device{}, pixel_count(v),
-                         FuseBody{pass, fusion, std::as_const(kept).span(),
-                                  std::as_const(confidences).span(), std::as_const(planes_).span(),
-                                  std::as_const(confirmed).span(), std::as_const(colors).span(),
-                                  points.span(), first_pixel_[v]});
+                         FuseBody{pass, fusion, kept.span(), confidences.span(), planes_.span(),
+                                  confirmed.span(), colors.span(), points.span(), first_pixel_[v]});
             for (const FusedPoint& p : to_host(points)) {
                 if (!(p.confidence > 0)) continue;
                 result.cloud.positions.push_back(p.position);

@@ -1,9 +1,7 @@
-#include "mvs/stereo/planar_prior.h"
-
 #include <algorithm>
 
 #include "core/scene/scene.h"
-#include "mvs/stereo/triangulation.h"
+#include "mvs/stereo/depth_completion.h"
 
 namespace tvsgs {
 namespace {
@@ -39,7 +37,127 @@ int cross(Vec2<int> a, Vec2<int> b) {
     return a.x * b.y - a.y * b.x;
 }
 
+using Int = std::int64_t;
+
+/// Twice the signed area of a triangle.
+Int area(Vec2<int> a, Vec2<int> b, Vec2<int> c) {
+    return Int{b.x - a.x} * (c.y - a.y) - Int{b.y - a.y} * (c.x - a.x);
+}
+
+/// True if p lies strictly inside the circle through a, b, c (of positive area).
+bool in_circle(Vec2<int> a, Vec2<int> b, Vec2<int> c, Vec2<int> p) {
+    const Int ax = a.x - p.x, ay = a.y - p.y, bx = b.x - p.x, by = b.y - p.y, cx = c.x - p.x,
+              cy = c.y - p.y;
+    return (ax * ax + ay * ay) * (bx * cy - by * cx) - (bx * bx + by * by) * (ax * cy - ay * cx) +
+               (cx * cx + cy * cy) * (ax * by - ay * bx) >
+           0;
+}
+
+/// Incremental triangulation: a fan around each new point replaces the triangles whose circles
+/// contain it (Bowyer and Watson).
+class Triangulation {
+public:
+    explicit Triangulation(const std::vector<Vec2<int>>& points) : points_(points) {
+        const int count = static_cast<int>(points.size()), s = kMaxTriangulated;
+        points_.insert(points_.end(), {{-s, -s}, {4 * s, -s}, {-s, 4 * s}});  // encloses all
+        begin_of_.resize(points_.size());
+        triangles_.push_back({{count, count + 1, count + 2}, {-1, -1, -1}, -1});
+        for (int p = 0; p < count; ++p) add(p);
+    }
+
+    std::vector<std::array<int, 3>> result() const {
+        const int count = static_cast<int>(points_.size()) - 3;
+        std::vector<std::array<int, 3>> out;
+        for (const Triangle& t : triangles_)
+            if (t.corners[0] < count && t.corners[1] < count && t.corners[2] < count)
+                out.push_back(t.corners);
+        return out;
+    }
+
+private:
+    struct Triangle {
+        std::array<int, 3> corners;
+        std::array<int, 3> beyond;  // triangle across the side opposite each corner; -1: none
+        int removed_by;             // last point whose cavity contained it
+    };
+    struct Side {
+        int begin, end, beyond;
+    };
+
+    Triangle& triangle(int t) { return triangles_[t]; }
+    Vec2<int> point(int p) const { return points_[p]; }
+
+    /// Finds the triangle that contains a point, by walking from the newest one.
+    int find(Vec2<int> p) {
+        for (int at = newest_;;) {
+            const Triangle& t = triangle(at);
+            int next = -1;
+            for (std::size_t i = 0; i < 3 && next < 0; ++i)
+                if (area(point(t.corners[(i + 1) % 3]), point(t.corners[(i + 2) % 3]), p) < 0)
+                    next = t.beyond[i];
+            if (next < 0) return at;
+            at = next;
+        }
+    }
+
+    void add(int p) {
+        // 1. Finds the triangles to remove and the sides around them.
+        cavity_.assign(1, find(point(p)));
+        triangle(cavity_[0]).removed_by = p;
+        sides_.clear();
+        for (std::size_t next = 0; next < cavity_.size(); ++next) {
+            const Triangle t = triangle(cavity_[next]);
+            for (std::size_t i = 0; i < 3; ++i) {
+                const int other = t.beyond[i];
+                if (other >= 0) {
+                    Triangle& o = triangle(other);
+                    if (o.removed_by == p) continue;
+                    if (in_circle(point(o.corners[0]), point(o.corners[1]), point(o.corners[2]),
+                                  point(p))) {
+                        o.removed_by = p;
+                        cavity_.push_back(other);
+                        continue;
+                    }
+                }
+                sides_.push_back({t.corners[(i + 1) % 3], t.corners[(i + 2) % 3], other});
+            }
+        }
+        // 2. Adds one triangle per side, two more than were removed.
+        for (std::size_t k = 0; k < sides_.size(); ++k) {
+            if (k >= cavity_.size()) {
+                cavity_.push_back(static_cast<int>(triangles_.size()));
+                triangles_.emplace_back();
+            }
+            const Side& side = sides_[k];
+            triangle(cavity_[k]) = {{side.begin, side.end, p}, {-1, -1, side.beyond}, -1};
+            begin_of_[side.begin] = cavity_[k];
+            if (side.beyond < 0) continue;
+            Triangle& o = triangle(side.beyond);
+            for (std::size_t i = 0; i < 3; ++i)
+                if (o.corners[(i + 1) % 3] == side.end && o.corners[(i + 2) % 3] == side.begin)
+                    o.beyond[i] = cavity_[k];
+        }
+        for (std::size_t k = 0; k < sides_.size(); ++k) {
+            const int after = begin_of_[static_cast<std::size_t>(sides_[k].end)];
+            triangle(cavity_[k]).beyond[0] = after;
+            triangle(after).beyond[1] = cavity_[k];
+        }
+        newest_ = cavity_[0];
+    }
+
+    std::vector<Vec2<int>> points_;
+    std::vector<Triangle> triangles_;
+    std::vector<int> begin_of_;  // per point: the new triangle whose side begins there
+    std::vector<int> cavity_;
+    std::vector<Side> sides_;
+    int newest_ = 0;
+};
+
 }  // namespace
+
+std::vector<std::array<int, 3>> delaunay(const std::vector<Vec2<int>>& points) {
+    return Triangulation(points).result();
+}
 
 std::vector<SurfacePlane> planar_prior(const Camera& camera,
                                        Span<const SurfacePlane> planes,

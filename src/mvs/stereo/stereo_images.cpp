@@ -88,18 +88,46 @@ StereoPyramid make_pyramid(const View& view) {
     return out;
 }
 
+constexpr float kSameSurface = 0.01f;     // relative jump of depth
+constexpr std::size_t kMinSegment = 100;  // px; wrong depths agree by chance in small segments
+
+void clear_small_segments(const DepthMapSpan& map) {
+    const int count = map.width * map.height;
+    std::vector<char> visited(static_cast<std::size_t>(count), 0);
+    std::vector<int> segment;
+    for (int start = 0; start < count; ++start) {
+        if (visited[start] != 0 || !(map.depth[start] > 0)) continue;
+        segment.assign(1, start);
+        visited[start] = 1;
+        for (std::size_t next = 0; next < segment.size(); ++next) {
+            const int at = segment[next], x = at % map.width, y = at / map.width;
+            for (int py = std::max(y - 1, 0); py <= std::min(y + 1, map.height - 1); ++py)
+                for (int px = std::max(x - 1, 0); px <= std::min(x + 1, map.width - 1); ++px) {
+                    const int other = py * map.width + px;
+                    if (visited[other] != 0) continue;
+                    if (!(map.depth[other] > 0) || !(std::abs(map.depth[other] - map.depth[at]) <
+                                                     kSameSurface * map.depth[at]))
+                        continue;
+                    visited[other] = 1;
+                    segment.push_back(other);
+                }
+        }
+        if (segment.size() < kMinSegment)
+            for (const int at : segment) map.depth[at] = map.confidence[at] = 0;
+    }
+}
+
 }  // namespace
 
 void require_views(const std::vector<View>& views) {
     if (views.size() < 2)
-        throw Error(ExitCode::input, str("stereo needs at least 2 views, found ", views.size(),
-                                         "; choose more views or give a cloud"));
+        throw Error(ExitCode::input, "stereo needs at least 2 views, found ", views.size(),
+                    "; choose more views or give a cloud");
     for (const View& view : views)
         if (view.camera.width_px < kLeastSide || view.camera.height_px < kLeastSide)
-            throw Error(
-                ExitCode::input,
-                str(view.name, ": ", view.camera.width_px, "x", view.camera.height_px,
-                    " pixels: too small for stereo (at least ", kLeastSide, "x", kLeastSide, ")"));
+            throw Error(ExitCode::input, view.name, ": ", view.camera.width_px, "x",
+                        view.camera.height_px, " pixels: too small for stereo (at least ",
+                        kLeastSide, "x", kLeastSide, ")");
 }
 
 std::vector<StereoPyramid> make_pyramids(const std::vector<View>& views) {
@@ -135,6 +163,11 @@ SourceView make_source(const Camera& reference, const Camera& source, int view, 
     out.pixels_at_infinity = mat_cast<float>(K * T.R * K_inverse);
     out.epipole = vec_cast<float>(K * T.t);
     return out;
+}
+
+void remove_small_segments(const std::vector<DepthMapSpan>& maps) {
+    parallel_for_heavy(Cpu{}, static_cast<int>(maps.size()),
+                       [&](int i) { clear_small_segments(maps[i]); });
 }
 
 }  // namespace tvsgs

@@ -1,4 +1,5 @@
-// Grey image pyramids of photographs for stereo, with the cameras of each size.
+// The work of stereo on the host: grey image pyramids of photographs, with the cameras of each
+// size, and the removal of small segments from depth maps.
 #pragma once
 
 #include <cstdint>
@@ -36,5 +37,15 @@ std::vector<std::uint32_t> packed_colors(const std::vector<StereoPyramid>& pyram
 /// Describes `source`, the view number `view`, relative to a reference camera. Its images start at
 /// `first_pixel`.
 SourceView make_source(const Camera& reference, const Camera& source, int view, int first_pixel);
+
+/// One depth map, modified in place.
+struct DepthMapSpan {
+    int width, height;
+    float* depth;  // [height width], 0 = none
+    float* confidence;
+};
+
+/// Clears connected segments (8 neighbours, depths within 1 %) of fewer than 100 pixels.
+void remove_small_segments(const std::vector<DepthMapSpan>& maps);
 
 }  // namespace tvsgs

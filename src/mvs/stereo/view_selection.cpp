@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "core/error.h"
@@ -44,7 +45,7 @@ void set_range(const Camera& camera,
     if (seen.size() >= kEnoughPoints) {
         std::vector<float> depths;
         for (const Vec3f p : seen) depths.push_back((camera.camera_from_world * p).z);
-        std::sort(depths.begin(), depths.end());
+        std::ranges::sort(depths);
         plan.near_depth = 0.75f * depths[depths.size() / 100];
         plan.far_depth = 1.25f * depths[depths.size() - 1 - depths.size() / 100];
         return;
@@ -106,11 +107,11 @@ std::vector<ViewPlan> plan_ranges(const std::vector<Camera>& cameras,
         if (near_depth > 0) plan.near_depth = near_depth;
         if (far_depth > 0) plan.far_depth = far_depth;
         if (!(plan.near_depth > 0 && plan.far_depth > plan.near_depth))
-            throw Error(ExitCode::input,
-                        str("view ", i, ": unknown range of depths: it sees ", seen.size(), " of ",
-                            grouped(points.size()), " sparse points (", kEnoughPoints,
-                            " needed), and no optical axes cross in front of it; give "
-                            "stereo.depth_near and stereo.depth_far"));
+            throw Error(ExitCode::input, "view ", i, ": unknown range of depths: it sees ",
+                        seen.size(), " of ", grouped(points.size()), " sparse points (",
+                        kEnoughPoints,
+                        " needed), and no optical axes cross in front of it; give "
+                        "stereo.depth_near and stereo.depth_far");
     }
     return plans;
 }
@@ -146,11 +147,10 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
             const double weight = pair_weight(angle_sum / common);
             if (weight * score > 0) scores.push_back({weight * score, weight, static_cast<int>(j)});
         }
-        std::stable_sort(scores.begin(), scores.end(),
-                         [](const Score& a, const Score& b) { return a.score > b.score; });
+        std::ranges::stable_sort(scores, std::ranges::greater(), &Score::score);
         // Beside near sources, far ones only add wrong matches.
-        const auto near = static_cast<std::size_t>(std::count_if(
-            scores.begin(), scores.end(), [](const Score& s) { return s.weight >= kNearWeight; }));
+        const auto near = static_cast<std::size_t>(
+            std::ranges::count_if(scores, [](const Score& s) { return s.weight >= kNearWeight; }));
         if (near >= kFewSources)
             std::erase_if(scores, [](const Score& s) { return s.weight < kNearWeight; });
         const auto count = std::min(scores.size(), std::size_t{kMaxSources});
@@ -161,14 +161,41 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
         with_sources += count > 0;
     }
     if (with_sources == 0)
-        throw Error(ExitCode::input,
-                    str("none of the ", cameras.size(),
-                        " views overlaps with another at less than ", kMaxPairAngleDeg,
-                        " degrees; stereo needs overlapping views from different places"));
+        throw Error(ExitCode::input, "none of the ", cameras.size(),
+                    " views overlaps with another at less than ", kMaxPairAngleDeg,
+                    " degrees; stereo needs overlapping views from different places");
     if (with_sources < cameras.size())
         spdlog::warn("{} of {} views overlap with no other view and get no depth",
                      cameras.size() - with_sources, cameras.size());
     return plans;
+}
+
+std::vector<VisiblePoint> visible_points(const Camera& camera, const std::vector<Vec3f>& points) {
+    constexpr double kPerCell = 8, kBehind = 1.05, kSmallestCell = 2;
+    std::vector<VisiblePoint> seen;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        if (!is_in_view(camera, points[i])) continue;
+        const Vec3d p = vec_cast<double>(camera.camera_from_world * points[i]);
+        const double x = static_cast<double>(camera.fx_px) * p.x / p.z +
+                         static_cast<double>(camera.cx_px),
+                     y = static_cast<double>(camera.fy_px) * p.y / p.z +
+                         static_cast<double>(camera.cy_px);
+        seen.push_back({static_cast<int>(i), x, y, p.z, norm(p)});
+    }
+    const double pixels = static_cast<double>(camera.width_px) * camera.height_px;
+    const double side = std::max(
+        kSmallestCell, std::sqrt(kPerCell * pixels / static_cast<double>(seen.size() + 1)));
+    const auto columns = static_cast<std::size_t>(camera.width_px / side) + 1,
+               rows = static_cast<std::size_t>(camera.height_px / side) + 1;
+    std::vector<double> nearest(columns * rows, std::numeric_limits<double>::infinity());
+    const auto cell = [&](const VisiblePoint& p) -> double& {
+        const auto column = std::min(static_cast<std::size_t>(p.x_px / side), columns - 1),
+                   row = std::min(static_cast<std::size_t>(p.y_px / side), rows - 1);
+        return nearest[row * columns + column];
+    };
+    for (const VisiblePoint& p : seen) cell(p) = std::min(cell(p), p.depth);
+    std::erase_if(seen, [&](const VisiblePoint& p) { return p.depth > kBehind * cell(p); });
+    return seen;
 }
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// Choice of the source views and of the depth range of each view.
+// Choice of the source views and of the depth range of each view, and the points that it sees.
 #pragma once
 
 #include <vector>
@@ -30,5 +30,18 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  const std::vector<Vec3f>& points,
                                  float near_depth,
                                  float far_depth);
+
+/// A visible point and its place in the view.
+struct VisiblePoint {
+    int index;          // in the cloud
+    double x_px, y_px;  // from the corner of the first pixel
+    double depth;       // z, world units
+    double distance;    // along the ray
+};
+
+/// Points in the image that no nearby point hides: a z-buffer with cells of about eight points
+/// keeps a point if it is at most 5 % farther than the nearest. Where the cloud is sparse, points
+/// behind the surface may pass.
+std::vector<VisiblePoint> visible_points(const Camera& camera, const std::vector<Vec3f>& points);
 
 }  // namespace tvsgs

@@ -9,7 +9,7 @@
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
 #include "io/files/read_file.h"
-#include "mvs/priors/prior_normals.h"
+#include "mvs/priors/prior_fit.h"
 #include "pipeline/priors/prior_parts.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "io/priors/prior_sources.h"
-#include "mvs/stereo/visible_points.h"
+#include "mvs/stereo/view_selection.h"
 #include "pipeline/priors/priors.h"
 
 namespace tvsgs {

@@ -8,7 +8,6 @@
 #include "core/scene/prior_maps.h"
 #include "mvs/stereo/depth_completion.h"
 #include "mvs/stereo/mvs_math.h"
-#include "mvs/stereo/planar_prior.h"
 #include "pipeline/scene/stereo_cloud.h"
 
 namespace tvsgs {

@@ -3,7 +3,7 @@
 
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
-#include "mvs/stereo/coarse_cloud.h"
+#include "mvs/stereo/patch_match.h"
 #include "pipeline/priors/stereo_priors.h"
 #include "pipeline/scene/fixed_points.h"
 #include "pipeline/scene/mask_use.h"
