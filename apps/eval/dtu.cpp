@@ -5,7 +5,7 @@
 #include "apps/eval/subcommands.h"
 #include "eval/benchmark_files.h"
 #include "eval/dtu_files.h"
-#include "eval/dtu_protocol.h"
+#include "eval/protocols.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "io/scene/npz_cameras.h"
@@ -96,14 +96,15 @@ int dtu(const DtuArguments& a) {
     inputs.add("pred", a.pred).add("dtu", a.dtu).add("scan", a.scan);
     if (cameras) inputs.add("cameras", camera_file);
     if (culling) inputs.add("masks", a.cull.masks);
-    const std::vector<Metric> metrics = {{"accuracy", m.accuracy},
-                                         {"completeness", m.completeness},
-                                         {"chamfer", m.overall},
-                                         {"median_accuracy", m.accuracy_median},
-                                         {"median_completeness", m.completeness_median}};
     JsonValue json;
-    for (const Metric& metric : metrics) json.add(metric.key, metric.value);
-    json.add("points", counts_json(in, culled, m)).add("protocol", protocol).add("inputs", inputs);
+    json.add("accuracy", m.accuracy)
+        .add("completeness", m.completeness)
+        .add("chamfer", m.overall)
+        .add("median_accuracy", m.accuracy_median)
+        .add("median_completeness", m.completeness_median)
+        .add("points", counts_json(in, culled, m))
+        .add("protocol", protocol)
+        .add("inputs", inputs);
     put_report(json, a.out);
     if (!m.undefined.empty())
         throw input_error("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
@@ -114,7 +115,7 @@ int dtu(const DtuArguments& a) {
         write_error_cloud(a.clouds + "/accuracy.ply", m.prediction, palette, kFull);
         write_error_cloud(a.clouds + "/completeness.ply", m.reference, palette, kFull);
     }
-    return check_bounds(bounds, metrics);
+    return check_bounds(bounds, json);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include "apps/eval/subcommands.h"
 #include "core/parse_numbers.h"
 #include "core/scene/scene.h"
-#include "eval/geometry_scores.h"
+#include "eval/mesh_metrics.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/crop_file.h"
 
@@ -48,16 +48,6 @@ int geometry(const GeometryArguments& arguments) {
     const SamplePoints* const wanted = visible ? &visible->from : nullptr;
     const GeometryMetrics result = evaluate_geometry(prediction, truth, wanted, options);
 
-    std::vector<Metric> metrics = {{"accuracy", result.accuracy},
-                                   {"completeness", result.completeness},
-                                   {"chamfer", result.chamfer},
-                                   {"median_accuracy", result.median_accuracy},
-                                   {"median_completeness", result.median_completeness}};
-    for (const auto& t : result.thresholds) {
-        metrics.push_back({str("precision@", t.tau), t.precision});
-        metrics.push_back({str("recall@", t.tau), t.recall});
-        metrics.push_back({str("f1@", t.tau), t.f1});
-    }
     JsonValue json = geometry_json(result);
     JsonValue points = counts_json(prediction, truth, wanted);
     points.add("dropped_not_finite", prediction.dropped)
@@ -74,7 +64,7 @@ int geometry(const GeometryArguments& arguments) {
     json.add("inputs", inputs);
 
     put_report(json, arguments.out);
-    return check_bounds(bounds, metrics);
+    return check_bounds(bounds, json);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
+#include <ranges>
 
 #include "apps/eval/subcommands.h"
 #include "io/files/read_file.h"
@@ -25,7 +26,7 @@ using Words = std::vector<std::string>;
 /// Values of "${NAME}" in the texts of a matrix.
 using Names = std::map<std::string, std::string>;
 
-std::string joined(const Words& words) {
+std::string line_of(const Words& words) {
     std::string line;
     for (const std::string& word : words) line += " " + word;
     return line;
@@ -43,14 +44,14 @@ void append(Words& words, const Words& more) {
 
 /// Runs a tool next to this one; returns its exit code, or 128 + signal.
 int run_tool(const std::string& name, const Words& words) {
-    spdlog::info("{}{}", name, joined(words));
+    spdlog::info("{}{}", name, line_of(words));
     const std::string path = (fs::read_symlink("/proc/self/exe").parent_path() / name).string();
     std::vector<char*> argv{const_cast<char*>(path.c_str())};
     for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
     argv.push_back(nullptr);
     pid_t child = 0;
     if (const int code = posix_spawn(&child, path.c_str(), nullptr, nullptr, argv.data(), environ))
-        throw Error(ExitCode::io, str(path, ": cannot start it: ", std::strerror(code)));
+        throw Error(ExitCode::io, path, ": cannot start it: ", std::strerror(code));
     int status = 0;
     while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
     }
@@ -74,11 +75,9 @@ std::string filled_in(const std::string& file, const std::string& text, const Na
         const auto found = names.find(name);
         if (found == names.end() && name == "data")
             throw usage_error(file, ": '", text, "' needs the folder of the data; give --data DIR");
-        if (found == names.end()) {
-            std::string known;
-            for (const auto& [other, value] : names) known += " " + other;
-            refuse(file, str("'", text, "': unknown variable; known are", known));
-        }
+        if (found == names.end())
+            refuse(file, str("'", text, "': unknown variable; known are ",
+                             joined(std::views::keys(names))));
         out += text.substr(at, open - at) + found->second;
         at = close + 1;
     }
@@ -131,7 +130,7 @@ void add_scenes(const std::string& file,
         if (words.empty()) refuse(file, where + " is empty");
         each.clear();
         for (const std::string& value : words) {
-            if (std::count(words.begin(), words.end(), value) > 1)
+            if (std::ranges::count(words, value) > 1)
                 refuse(file, str(where, " holds '", value, "' twice"));
             each.push_back(names);
             each.back()[variable] = value;
@@ -144,8 +143,7 @@ void add_scenes(const std::string& file,
         MatrixScene scene{filled_in(file, name, with), words("train"), words("mesh"),
                           words("eval")};
         check_name(file, "scene", scene.name);
-        if (std::any_of(scenes.begin(), scenes.end(),
-                        [&](const MatrixScene& other) { return other.name == scene.name; }))
+        if (std::ranges::find(scenes, scene.name, &MatrixScene::name) != scenes.end())
             refuse(file,
                    str("two scenes are named '", scene.name, "'; put the variable into the name"));
         const Words more = words("eval_if_there");
@@ -165,7 +163,7 @@ std::vector<std::uint64_t> seeds_of(const std::string& file, const JsonValue& li
         if (!(number >= 0) || number > 1e15 || number != std::floor(number))
             refuse(file, "\"seeds\" holds a value that is not a whole number");
         seeds.push_back(static_cast<std::uint64_t>(number));
-        if (std::count(seeds.begin(), seeds.end(), seeds.back()) > 1)
+        if (std::ranges::count(seeds, seeds.back()) > 1)
             refuse(file, str("\"seeds\" holds ", seeds.back(), " twice; remove one"));
     }
     if (seeds.empty()) refuse(file, "\"seeds\" is not a list of numbers");
@@ -180,9 +178,9 @@ bool complete(const std::string& run, const Words& train, const MatrixScene& sce
         const JsonValue json = parse_json_value(read_bytes(report), report);
         done = json["summary"]["event"].text == "done";
         const std::string& line = json["run"]["command_line"].text;
-        if (done && line.find(joined(train)) == std::string::npos)
+        if (done && line.find(line_of(train)) == std::string::npos)
             throw usage_error(run, ": trained with other flags:\n  ", line,
-                              "\nexpected\n  tvsgs-train", joined(train),
+                              "\nexpected\n  tvsgs-train", line_of(train),
                               "\nGive the matrix another \"out\", or remove the run");
     }
     const auto step = [&](const char* tool, Words words) {
@@ -233,18 +231,15 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
     for (const auto& [name, parts] : matrix["scenes"].members)
         add_scenes(file, name, parts, names, scenes);
     for (const std::string& wanted : options.scenes)
-        if (std::none_of(scenes.begin(), scenes.end(),
-                         [&](const MatrixScene& scene) { return scene.name == wanted; })) {
-            std::string known;
-            for (const MatrixScene& scene : scenes) known += " " + scene.name;
-            throw usage_error("--scenes ", wanted, ": not in ", file, "; it has", known);
-        }
+        if (std::ranges::find(scenes, wanted, &MatrixScene::name) == scenes.end())
+            throw usage_error("--scenes ", wanted, ": not in ", file, "; it has ",
+                              joined(std::views::transform(scenes, &MatrixScene::name)));
 
     std::vector<std::string> runs;
     for (const std::uint64_t seed : seeds)
         for (const MatrixScene& scene : scenes) {
-            if (!options.scenes.empty() && std::find(options.scenes.begin(), options.scenes.end(),
-                                                     scene.name) == options.scenes.end())
+            if (!options.scenes.empty() &&
+                std::ranges::find(options.scenes, scene.name) == options.scenes.end())
                 continue;
             for (const auto& [name, flags] : matrix["configurations"].members) {
                 const std::string run = str(out, "/", scene.name, "/", name, "/seed_", seed);

@@ -4,7 +4,7 @@
 #include "apps/eval/subcommands.h"
 #include "core/device/device_choice.h"
 #include "core/grouped.h"
-#include "eval/lpips.h"
+#include "eval/image_metrics.h"
 #include "io/files/json_value.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
@@ -38,7 +38,6 @@ void write_metrics_files(const std::string& run,
     write_text_file(run + "/results.json",
                     named(scores.mean.psnr, scores.mean.ssim, scores.mean.lpips));
     write_text_file(run + "/per_view.json", named(column("psnr"), column("ssim"), column("lpips")));
-    result_of_run() = run + "/eval/nvs.json";
 }
 
 int nvs(const NvsArguments& arguments) {
@@ -75,9 +74,8 @@ int nvs(const NvsArguments& arguments) {
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
     if (scene.test.empty())
-        throw Error(ExitCode::input,
-                    str(arguments.model, ": no test views (scene ", options.scene.path,
-                        "); train with --eval, --split or --test-list"));
+        throw Error(ExitCode::input, arguments.model, ": no test views (scene ", options.scene.path,
+                    "); train with --eval, --split or --test-list");
     spdlog::info("{}: {} splats, {} test views, on {}", splat_path, grouped(splats.size()),
                  scene.test.size(), device.description);
 
@@ -89,21 +87,12 @@ int nvs(const NvsArguments& arguments) {
     write_metrics_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
                         scores);
     scoring.trained = &scene.train;
-    std::printf("%s\n", json_text(view_scores_json(scores, scene.test.size(), scoring)).c_str());
+    const JsonValue json = view_scores_json(scores, scene.test.size(), scoring);
+    std::printf("%s\n", json_text(json).c_str());
     if (!scoring.lpips) spdlog::info("LPIPS: not computed; give its weights with --lpips-weights");
     spdlog::info("Renders, normal and depth maps: {}/test", arguments.model);
     result_of_run() = arguments.model + "/eval/nvs.json";
-    std::vector<Metric> metrics;
-    const auto add = [&](const ImageScores& mean, const std::string& suffix) {
-        metrics.push_back({"psnr" + suffix, mean.psnr});
-        metrics.push_back({"ssim" + suffix, mean.ssim});
-        metrics.push_back({"ssim_valid" + suffix, mean.ssim_valid});
-        if (scoring.lpips) metrics.push_back({"lpips" + suffix, mean.lpips});
-    };
-    add(scores.mean, "");
-    if (scoring.masked) add(scores.mean_masked, "_masked");
-    add(scores.mean_near, "_near"), add(scores.mean_far, "_far");
-    return check_bounds(bounds, metrics);
+    return check_bounds(bounds, json);
 }
 
 }  // namespace

@@ -54,8 +54,8 @@ Words flags(std::initializer_list<std::pair<const char*, std::string>> pairs) {
     return words;
 }
 
-void call(Subcommand add(CLI::App&), Words words, const Words& more) {
-    words.insert(words.begin(), "tvsgs-eval");
+void call(Subcommand add(CLI::App&), const char* name, Words words, const Words& more = {}) {
+    words.insert(words.begin(), {"tvsgs-eval", name});
     words.insert(words.end(), more.begin(), more.end());
     std::vector<char*> argv;
     std::string line;
@@ -137,7 +137,7 @@ int run(const RunArguments& a) {
                              {"--device", a["--device"]},
                              {"--lpips-weights", a["--lpips-weights"]}});
         if (a.masked) words.push_back("--masked");
-        call(add_eval_nvs, {"nvs"}, words), ++done;
+        call(add_eval_nvs, "nvs", words), ++done;
     }
     for (const auto& [suffix, file] : predictions) {
         const auto out = [&](const char* name) {
@@ -146,42 +146,38 @@ int run(const RunArguments& a) {
         const auto samples = options.eval.point_samples;
         if (!gt.empty()) {
             const float cap = options.eval.max_distance;
-            Words words =
+            const Words words =
                 flags({{"--gt", gt},
                        {"--visible-gt", given("--visible-gt", options.eval.visible_gt)},
                        {"--crop", given("--crop", options.eval.crop)},
                        {"--tau", given("--tau", options.eval.taus)},
                        {"--max-distance", given("--max-distance", cap > 0 ? str(cap) : "")},
                        {"--point-samples", samples > 0 ? str(samples) : ""}});
-            words.insert(words.begin(), "geometry");
-            call(add_eval_geometry, words, out("geometry")), ++done;
+            call(add_eval_geometry, "geometry", words, out("geometry")), ++done;
         }
-        if (!a["--dtu"].empty()) {
-            Words words = dtu_words(a, scene, suffix.empty());
-            words.insert(words.begin(), "dtu");
-            call(add_eval_dtu, words, out("dtu")), ++done;
-        }
+        if (!a["--dtu"].empty())
+            call(add_eval_dtu, "dtu", dtu_words(a, scene, suffix.empty()), out("dtu")), ++done;
         if (!a["--scene-dir"].empty()) {
             // The trained frame is that of the scene's model; the centres use the mesh's.
             const std::string model = scene + "/sparse/0";
             const bool by_mesh = !suffix.empty() && predictions.size() == 2,
                        by_model = a["--traj"].empty() && fs::is_directory(model);
-            Words words = flags({{"--scene-dir", a["--scene-dir"]},
-                                 {"--traj", by_mesh    ? ""
-                                            : by_model ? model
-                                                       : a["--traj"]},
-                                 {"--tau", a["--tnt-tau"]},
-                                 {"--results", suffix.empty() ? alignment : ""},
-                                 {"--align-file", by_mesh ? alignment + "/alignment.txt" : ""}});
-            words.insert(words.begin(), "tnt");
-            call(add_eval_tnt, words, out("tnt")), ++done;
+            const Words words =
+                flags({{"--scene-dir", a["--scene-dir"]},
+                       {"--traj", by_mesh    ? ""
+                                  : by_model ? model
+                                             : a["--traj"]},
+                       {"--tau", a["--tnt-tau"]},
+                       {"--results", suffix.empty() ? alignment : ""},
+                       {"--align-file", by_mesh ? alignment + "/alignment.txt" : ""}});
+            call(add_eval_tnt, "tnt", words, out("tnt")), ++done;
         }
     }
     if (done == 0)
         throw usage_error(
             a.model,
             ": nothing to measure: the run has no test views; give --gt, --dtu or --scene-dir");
-    call(add_eval_report, {"report", "--run", a.model}, flags({{"--scene", a["--scene"]}}));
+    call(add_eval_report, "report", {"--run", a.model}, flags({{"--scene", a["--scene"]}}));
     result_of_run().clear();
     return 0;
 }

@@ -37,12 +37,6 @@ void put_report(const JsonValue& json, const std::string& out);
 /// end.
 std::string& result_of_run();
 
-/// A result that --require can test, by its name there.
-struct Metric {
-    std::string key;
-    double value;
-};
-
 /// KEY<=X, KEY>=X, KEY<X or KEY>X.
 struct Bound {
     std::string text, key, relation;
@@ -64,8 +58,8 @@ inline const std::vector<std::string> kDistanceKeys = {"accuracy", "completeness
 std::vector<Bound> parse_bounds(const std::vector<std::string>& texts,
                                 const std::vector<std::string>& keys);
 
-/// Returns the exit code: 0, or that of an unmet bound.
-int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics);
+/// Returns the exit code: 0, or that of an unmet bound. `results`: the report of a subcommand.
+int check_bounds(const std::vector<Bound>& bounds, const JsonValue& results);
 
 /// Throws Error(ExitCode::usage) if a flag was given without the flag that it depends on.
 void require_owner(const CLI::App& command,

@@ -8,8 +8,8 @@
 #include "apps/eval/subcommands.h"
 #include "core/grouped.h"
 #include "eval/benchmark_files.h"
-#include "eval/geometry_scores.h"
-#include "eval/tnt_protocol.h"
+#include "eval/mesh_metrics.h"
+#include "eval/protocols.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
@@ -278,12 +278,11 @@ int tnt(const TntArguments& a) {
     // 3. Measure and report.
     const TntMetrics m =
         evaluate_tnt(transformed(points, alignment.final), truth_cropped, crop, tau, tau / 2);
-    const std::vector<Metric> metrics = {
-        {"precision", m.precision}, {"recall", m.recall}, {"f1", m.f1}};
     JsonValue json, counts, inputs;
     json.add("scene", files.scene);
-    for (const Metric& metric : metrics)
-        json.add(metric.key, m.undefined.empty() ? metric.value : std::nan(""));
+    for (const auto& [key, value] :
+         {std::pair("precision", m.precision), {"recall", m.recall}, {"f1", m.f1}})
+        json.add(key, m.undefined.empty() ? value : std::nan(""));
     counts.add("vertices", in.vertices)
         .add("faces", in.faces)
         .add("dropped_not_finite", in.dropped)
@@ -317,7 +316,7 @@ int tnt(const TntArguments& a) {
         write_error_cloud(stem + ".precision.ply", m.prediction, palette, 3 * tau);
         write_error_cloud(stem + ".recall.ply", m.truth, palette, 3 * tau);
     }
-    return check_bounds(bounds, metrics);
+    return check_bounds(bounds, json);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "core/math/eigen.h"
 #include "core/math/quantile.h"
 #include "core/math/rng.h"
-#include "eval/registration.h"
+#include "eval/points.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs::prepare {

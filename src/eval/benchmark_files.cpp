@@ -104,7 +104,7 @@ std::vector<std::size_t> cull_by_masks(PreciseMesh& mesh,
             on_mask[i] = !inside || mask.at(static_cast<int>(std::nearbyint(x)),
                                             static_cast<int>(std::nearbyint(y))) != 0;
         });
-        removed.push_back(std::count(on_mask.begin(), on_mask.end(), 0));
+        removed.push_back(std::ranges::count(on_mask, 0));
         for (std::size_t v = 0; v < keep.size(); ++v) keep[v] &= on_mask[v];
     }
     keep_vertices(mesh, keep);

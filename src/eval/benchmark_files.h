@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/scene/image.h"
-#include "eval/dtu_protocol.h"
+#include "eval/protocols.h"
 
 namespace tvsgs {
 

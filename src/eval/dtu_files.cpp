@@ -73,8 +73,7 @@ std::vector<std::size_t> culling_views(const std::string& choice, std::size_t co
     if (choice == "all" || first) {
         std::size_t n = count;
         if (first && (!parse_number(choice.substr(6), n) || n < 1 || n > count))
-            throw Error(ExitCode::usage,
-                        str("--cull ", choice, ": expected first:1 to first:", count));
+            throw Error(ExitCode::usage, "--cull ", choice, ": expected first:1 to first:", count);
         views.resize(n);
         std::iota(views.begin(), views.end(), 0);
         return views;
@@ -83,10 +82,10 @@ std::vector<std::size_t> culling_views(const std::string& choice, std::size_t co
         comma = std::min(choice.find(',', at), choice.size());
         std::size_t view = 0;
         if (!parse_number(choice.substr(at, comma - at), view) || view >= count)
-            throw Error(ExitCode::usage, str("--cull ", choice,
-                                             ": expected all, first:N, none or views by number, "
-                                             "0 to ",
-                                             count - 1));
+            throw Error(ExitCode::usage, "--cull ", choice,
+                        ": expected all, first:N, none or views by number, "
+                        "0 to ",
+                        count - 1);
         views.push_back(view);
     }
     return views;
@@ -104,7 +103,7 @@ DtuTruth read_dtu_truth(const std::string& folder, int scan) {
         throw input_error("E_MAT: ", path, ": P has ", plane.numbers.size(),
                           " numbers, expected the 4 of a plane");
     truth.plane.emplace();
-    std::copy(plane.numbers.begin(), plane.numbers.end(), truth.plane->begin());
+    std::ranges::copy(plane.numbers, truth.plane->begin());
     return truth;
 }
 
@@ -124,7 +123,7 @@ std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCull
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(culling.masks, error))
         if (entry.path().extension() == ".png") files.push_back(entry.path().string());
-    std::sort(files.begin(), files.end());
+    std::ranges::sort(files);
     if (files.size() != cameras.views.size())
         throw input_error("E_MASK_COUNT: ", culling.masks, ": ", files.size(), " PNG files for ",
                           cameras.views.size(), " cameras; masks and cameras must be of one scene");
@@ -144,7 +143,7 @@ std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCull
     const std::size_t before = mesh.vertices.size();
     const std::vector<std::size_t> removed = cull_by_masks(mesh, views, culling.dilate_px);
     if (before > 0 && mesh.vertices.empty()) {
-        const auto most = std::max_element(removed.begin(), removed.end()) - removed.begin();
+        const auto most = std::ranges::max_element(removed) - removed.begin();
         throw input_error("E_CULL_ALL: the masks removed all ", grouped(before), " vertices; view ",
                           chosen[most], " alone removed ", grouped(removed[most]),
                           "; check --cameras, --mesh-units and the order of the masks");

@@ -1,5 +1,3 @@
-#include "eval/dtu_protocol.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +6,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "eval/mesh_metrics.h"
+#include "eval/protocols.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -134,7 +133,7 @@ Points sample_dtu(const Points& vertices,
     });
     for (std::size_t f = 0; f < faces.size(); ++f) begin[f + 1] += begin[f];
     Points samples(static_cast<std::size_t>(begin.back()));
-    std::copy(vertices.begin(), vertices.end(), samples.begin());
+    std::ranges::copy(vertices, samples.begin());
     parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int f) {
         auto at = samples.begin() + begin[f];
         Lattice(vertices, faces[f], options.spacing).for_each([&](Vec3d p) { *at++ = p; });

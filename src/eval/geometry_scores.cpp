@@ -1,11 +1,10 @@
-#include "eval/geometry_scores.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "eval/mesh_metrics.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 
@@ -87,7 +86,7 @@ MeasuredSurface read_measured(const std::string& path,
     const bool is_mesh = !ply.faces.empty();
     const std::vector<Vec3f>& read = ply.points.positions;
     const auto dropped = static_cast<std::size_t>(
-        std::count_if(read.begin(), read.end(), [](Vec3f p) { return !is_finite(p); }));
+        std::ranges::count_if(read, [](Vec3f p) { return !is_finite(p); }));
     MeasuredSurface result;
     try {
         result = is_mesh

@@ -1,8 +1,6 @@
 // Work is parallel over strips of the image. Eigen must not use threads itself, as its sums would
 // depend on their number.
 #define EIGEN_DONT_PARALLELIZE
-#include "eval/lpips.h"
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -11,6 +9,7 @@
 
 #include "core/device/parallel.h"
 #include "core/error.h"
+#include "eval/image_metrics.h"
 #include "io/files/npz.h"
 #include "io/files/read_file.h"
 
@@ -173,7 +172,7 @@ public:
         } else if (tensor->shape != shape) {
             complain(
                 str(name, " has shape ", text_of(tensor->shape), ", expected ", text_of(shape)));
-        } else if (!std::all_of(tensor->numbers.begin(), tensor->numbers.end(), [&](double v) {
+        } else if (!std::ranges::all_of(tensor->numbers, [&](double v) {
                        return std::isfinite(v) && (may_be_negative || v >= 0);
                    })) {
             complain(str(name, may_be_negative ? " is not finite" : " is negative or not finite"));

@@ -60,9 +60,8 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
             (i + static_cast<double>(uniform(random.v[0]))) / static_cast<double>(count) * total;
         // The face that contains the share `at` of the area. Rounding at the end selects the last
         // face with area.
-        auto next = std::upper_bound(area_before.begin(), area_before.end(), at);
-        if (next == area_before.end())
-            next = std::lower_bound(area_before.begin(), area_before.end(), total);
+        auto next = std::ranges::upper_bound(area_before, at);
+        if (next == area_before.end()) next = std::ranges::lower_bound(area_before, total);
         const Vec3i face = mesh.faces[static_cast<std::size_t>(next - area_before.begin()) - 1];
         const float s = std::sqrt(uniform(random.v[1])), t = uniform(random.v[2]);
         samples[i] = (1 - s) * mesh.vertices[face.x] + (s * (1 - t)) * mesh.vertices[face.y] +

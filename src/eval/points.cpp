@@ -25,7 +25,7 @@ std::vector<std::uint32_t> visiting_order(std::size_t count, std::optional<std::
         const Random4 r = random4(*seed, RandomStream::thinning, static_cast<std::uint64_t>(i));
         key[i] = std::uint64_t{r.v[0]} << 32 | static_cast<std::uint32_t>(i);
     });
-    std::sort(key.begin(), key.end());
+    std::ranges::sort(key);
     for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(key[i]);
     return order;
 }
@@ -161,7 +161,7 @@ std::vector<std::uint32_t> thin_points(const Points& points,
         grid.add(cell, i);
         kept.push_back(i);
     }
-    std::sort(kept.begin(), kept.end());
+    std::ranges::sort(kept);
     return kept;
 }
 
@@ -172,6 +172,7 @@ Points voxel_means(const Points& points, double voxel) {
     struct Entry {
         std::uint64_t voxel;
         std::uint32_t point;
+        auto operator<=>(const Entry&) const = default;
     };
     std::vector<Entry> entries(points.size());
     constexpr double kMaxVoxels = 1 << 21;
@@ -187,9 +188,7 @@ Points voxel_means(const Points& points, double voxel) {
         }
         entries[i] = {key, static_cast<std::uint32_t>(i)};
     }
-    std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-        return a.voxel != b.voxel ? a.voxel < b.voxel : a.point < b.point;
-    });
+    std::ranges::sort(entries);
     Points means;
     for (std::size_t begin = 0, end = 0; begin < entries.size(); begin = end) {
         Vec3d sum{};

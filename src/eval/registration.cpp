@@ -1,5 +1,3 @@
-#include "eval/registration.h"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
@@ -10,6 +8,7 @@
 #include "core/math/point_tree.h"
 #include "core/math/rng.h"
 #include "eval/mesh_metrics.h"
+#include "eval/points.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {

@@ -1,8 +1,7 @@
-#include "eval/surface.h"
-
 #include "core/device/morton.h"
 #include "core/device/parallel.h"
 #include "core/math/point_tree.h"
+#include "eval/mesh_metrics.h"
 
 namespace tvsgs {
 namespace {

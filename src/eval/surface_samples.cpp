@@ -1,5 +1,3 @@
-#include "eval/surface_samples.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,6 +5,7 @@
 
 #include "core/device/parallel.h"
 #include "core/math/rng.h"
+#include "eval/mesh_metrics.h"
 
 namespace tvsgs {
 namespace {

@@ -1,9 +1,8 @@
-#include "eval/tnt_protocol.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "eval/mesh_metrics.h"
+#include "eval/protocols.h"
 
 namespace tvsgs {
 namespace {
@@ -27,19 +26,17 @@ MeasuredPoints measured(Points points, const Points& against) {
 }
 
 double share_below(const std::vector<double>& distances, double tau) {
-    const auto n =
-        std::count_if(distances.begin(), distances.end(), [&](double d) { return d < tau; });
+    const auto n = std::ranges::count_if(distances, [&](double d) { return d < tau; });
     return static_cast<double>(n) / static_cast<double>(distances.size());
 }
 
 /// Cumulative histogram over the edges; the last bin includes its end, as in NumPy.
 std::vector<double> curve(std::vector<double> distances, const std::vector<double>& edges) {
-    std::sort(distances.begin(), distances.end());
+    std::ranges::sort(distances);
     std::vector<double> out;
     for (std::size_t i = 1; i < edges.size(); ++i) {
-        const auto end = i + 1 < edges.size()
-                             ? std::lower_bound(distances.begin(), distances.end(), edges[i])
-                             : std::upper_bound(distances.begin(), distances.end(), edges[i]);
+        const auto end = i + 1 < edges.size() ? std::ranges::lower_bound(distances, edges[i])
+                                              : std::ranges::upper_bound(distances, edges[i]);
         out.push_back(static_cast<double>(end - distances.begin()) /
                       static_cast<double>(distances.size()));
     }

@@ -7,7 +7,6 @@
 
 #include "core/scene/scene.h"
 #include "eval/image_metrics.h"
-#include "eval/lpips.h"
 #include "io/files/json_value.h"
 
 namespace tvsgs {

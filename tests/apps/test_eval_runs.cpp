@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "eval/lpips.h"
+#include "eval/image_metrics.h"
 #include "io/files/json_value.h"
 #include "support/command.h"
 

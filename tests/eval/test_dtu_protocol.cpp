@@ -7,8 +7,8 @@
 #include "core/error.h"
 #include "core/math/rng.h"
 #include "eval/benchmark_files.h"
-#include "eval/dtu_protocol.h"
 #include "eval/points.h"
+#include "eval/protocols.h"
 
 namespace tvsgs {
 namespace {

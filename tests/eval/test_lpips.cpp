@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "eval/lpips.h"
+#include "eval/image_metrics.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "core/math/rng.h"
-#include "eval/tnt_protocol.h"
+#include "eval/protocols.h"
 
 namespace tvsgs {
 namespace {

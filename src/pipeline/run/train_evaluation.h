@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/scene/crop.h"
-#include "eval/geometry_scores.h"
+#include "eval/mesh_metrics.h"
 #include "io/files/json_value.h"
 #include "pipeline/mesh/mesh_extraction.h"
 #include "pipeline/run/view_evaluation.h"

@@ -8,7 +8,7 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/point_tree.h"
-#include "eval/registration.h"
+#include "eval/points.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/scene_reader.h"
