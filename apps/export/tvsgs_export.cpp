@@ -13,7 +13,7 @@
 #include "io/scene/georeference.h"
 #include "io/splats/splat_errors.h"
 #include "io/splats/splat_files.h"
-#include "mesh/draw/upright.h"
+#include "mesh/draw/mesh_render.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
 #include "pipeline/run/splat_selection.h"

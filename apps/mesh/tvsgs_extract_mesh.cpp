@@ -84,9 +84,8 @@ Arguments parse(int argc, char** argv, Configuration& configuration) {
 
     std::error_code failure;
     if (!fs::exists(arguments.model, failure))
-        throw Error(
-            ExitCode::input,
-            str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
+        throw Error(ExitCode::input, arguments.model,
+                    ": does not exist; --model expects a run folder or a splat PLY");
     std::string run;  // the run's configuration file
     if (fs::is_directory(arguments.model, failure)) {
         run = run_config_path(arguments.model);
@@ -144,8 +143,8 @@ int command(int argc, char** argv) {
                             &summary);
     });
     if (mesh.faces.empty())
-        throw Error(ExitCode::numerical,
-                    str(arguments.out, ": not written, the mesh is empty: ", summary.why_empty));
+        throw Error(ExitCode::numerical, arguments.out,
+                    ": not written, the mesh is empty: ", summary.why_empty);
     if (mesh_format(arguments.out) == MeshFormat::glb)
         require_glb_room(arguments.out, mesh.vertices.size(), mesh.faces.size(),
                          texture_side(options.mesh_output) > 0);

@@ -69,8 +69,8 @@ std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const Meshe
         known.push_back(known_name), names += (names.empty() ? "" : ", ") + known_name;
     }
     const std::string near = nearest_name(name, known);
-    throw Error(ExitCode::usage, str("mesh.method = '", name, "': expected one of ", names,
-                                     near.empty() ? "" : str("; did you mean '", near, "'?")));
+    throw Error(ExitCode::usage, "mesh.method = '", name, "': expected one of ", names,
+                near.empty() ? "" : str("; did you mean '", near, "'?"));
 }
 
 }  // namespace tvsgs

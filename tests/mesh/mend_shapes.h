@@ -8,8 +8,7 @@
 #include <set>
 #include <tuple>
 
-#include "mesh/mend/mesh_clean.h"
-#include "mesh/mend/mesh_manifold.h"
+#include "mesh/mend/mend.h"
 #include "mesh/shapes.h"
 
 namespace tvsgs::test {

@@ -7,8 +7,8 @@
 #include <set>
 
 #include "mesh/fuse/device_algorithms.h"
-#include "mesh/fuse/marching_cubes.h"
 #include "mesh/fuse/marching_cubes_table.h"
+#include "mesh/fuse/mesh_parts.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "core/device/threads.h"
 #include "mesh/evidence_scenes.h"
-#include "mesh/mend/measured.h"
+#include "mesh/mend/mend.h"
 
 namespace tvsgs {
 namespace {

@@ -1,7 +1,7 @@
 // Removal of small components.
 #include <gtest/gtest.h>
 
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 
 namespace tvsgs {
 namespace {

@@ -11,7 +11,7 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "mesh/mend/disjoint_sets.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_corners.h"
 #include "mesh/mend/triangle_tree.h"
 

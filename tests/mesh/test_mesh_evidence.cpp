@@ -8,7 +8,7 @@
 #include "core/device/threads.h"
 #include "core/scene/scene.h"
 #include "mesh/evidence_scenes.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 #include "pipeline/mesh/mesh_output.h"
 
 namespace tvsgs {

@@ -8,7 +8,7 @@
 
 #include "core/device/threads.h"
 #include "mesh/evidence_scenes.h"
-#include "mesh/mend/mesh_holes.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_loops.h"
 #include "mesh/mend_shapes.h"
 

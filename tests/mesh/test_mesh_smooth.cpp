@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/device/threads.h"
-#include "mesh/mend/mesh_smooth.h"
+#include "mesh/mend/mend.h"
 #include "mesh/shapes.h"
 #include "mesh/simplify_shapes.h"
 

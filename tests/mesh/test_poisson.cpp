@@ -16,7 +16,7 @@
 #include "mesh/closed/poisson_solve.h"
 #include "mesh/closed/view_points.h"
 #include "mesh/fuse/pixel_trust.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 #include "mesh/simplify/simplify.h"
 #include "mesh/sphere_views.h"
 

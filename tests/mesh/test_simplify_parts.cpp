@@ -2,8 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "mesh/mend/triangle_tree.h"
-#include "mesh/simplify/simplify_collapse.h"
-#include "mesh/simplify/simplify_proof.h"
+#include "mesh/simplify/simplify_steps.h"
 #include "mesh/simplify_shapes.h"
 
 namespace tvsgs::test {

@@ -9,8 +9,8 @@
 
 #include "core/device/cuda_device.h"
 #include "core/error.h"
-#include "mesh/fuse/marching_cubes.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/fuse/mesh_parts.h"
+#include "mesh/mend/mend.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/math/rigid.h"
-#include "mesh/draw/upright.h"
+#include "mesh/draw/mesh_render.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs {

@@ -41,11 +41,11 @@ public:
         Progress progress("depth maps", in.depth.size());
         for (int i = 0; i < in.depth.size(); ++i, progress.advance()) {
             const DepthView<Device> view = in.depth.view(i);
-            points.add({view.camera, to_host(view.depth), to_host(view.color), to_host(view.weight),
-                        to_host(view.normal)});
+            const auto on_host = [](auto map) { return map_on_host(Device{}, map); };
+            points.add({view.camera, on_host(view.depth), on_host(view.color), on_host(view.weight),
+                        on_host(view.normal)});
             points.fit(max_bytes);
         }
-        in.depth.log_pixel_counts();
         ExtractedMesh found;
         found.why_empty = in.depth.why_none_passed();
         if (!found.why_empty.empty()) return found;
@@ -54,13 +54,6 @@ public:
     }
 
 private:
-    static auto to_host(auto from) {
-        std::vector<std::remove_const_t<std::remove_pointer_t<decltype(from.data)>>> host(
-            from.count);
-        tvsgs::detail::copy(Device{}, from.data, Cpu{}, host.data(), host.size() * sizeof(host[0]));
-        return host;
-    }
-
     float given_size_;
     int resolution_;
 };

@@ -22,7 +22,7 @@ PoissonBox box_around(const OrientedPoints& points) {
     PoissonBox box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (!is_finite(points.positions[i]) || !is_finite(points.normals[i]))
-            throw Error(ExitCode::input, str("point ", i, " of ", points.size(), " is not finite"));
+            throw Error(ExitCode::input, "point ", i, " of ", points.size(), " is not finite");
         for (int axis = 0; axis < 3; ++axis) {
             const auto x = static_cast<double>(points.positions[i][axis]);
             box.low[axis] = std::min(box.low[axis], x);
@@ -31,8 +31,7 @@ PoissonBox box_around(const OrientedPoints& points) {
     }
     const double margin = kMargin * box.side();
     if (!(margin > 0))
-        throw Error(ExitCode::input,
-                    str("all ", points.size(), " points are in one place: no surface"));
+        throw Error(ExitCode::input, "all ", points.size(), " points are in one place: no surface");
     box.low -= {margin, margin, margin}, box.high += {margin, margin, margin};
     return box;
 }
@@ -44,9 +43,9 @@ std::vector<float> spacings_of(const PoissonBox& box, float finest) {
         farthest = std::max({farthest, std::abs(box.low[axis]), std::abs(box.high[axis])});
     constexpr double kMaxNodes = (kBlockReach - 8.0) * kBlockEdge;  // on each side of the origin
     if (!(finest > 0 && farthest < kMaxNodes * static_cast<double>(finest)))
-        throw Error(ExitCode::input,
-                    str("points up to ", farthest, " from the origin are too far out for nodes ",
-                        finest, " apart; raise --voxel-size or lower --depth-max"));
+        throw Error(ExitCode::input, "points up to ", farthest,
+                    " from the origin are too far out for nodes ", finest,
+                    " apart; raise --voxel-size or lower --depth-max");
     std::vector<float> spacings{finest};
     while (box.side() > kCoarsestNodes * static_cast<double>(spacings.front()))
         spacings.insert(spacings.begin(), 2 * spacings.front());
@@ -101,9 +100,9 @@ PoissonField solve_poisson(const OrientedPoints& points,
     std::vector<Keys> keys;
     for (;; spacings.pop_back()) {
         if (spacings.empty())
-            throw Error(ExitCode::memory, str("a closed surface of ", points.size(),
-                                              " points needs at least ", field.bytes, " bytes; ",
-                                              options.max_bytes, " are available; raise --memory"));
+            throw Error(ExitCode::memory, "a closed surface of ", points.size(),
+                        " points needs at least ", field.bytes, " bytes; ", options.max_bytes,
+                        " are available; raise --memory");
         keys = choose_blocks(points, densities, box, spacings);
         field.bytes = bytes_of(keys, points.size());
         const bool fits = options.max_bytes <= 0 || field.bytes <= options.max_bytes;

@@ -65,10 +65,13 @@ public:
 
     /// The value at a node of level `last`: its own if it exists, else interpolated on the finest
     /// level that has all nodes around it. `beyond` replaces nodes that level 0 lacks.
-    float at(Vec3i node, float beyond);
+    float at(Vec3i node, float beyond) {
+        const float* const own = find(last_, node);
+        return own ? *own : below(node, last_ - 1, beyond);
+    }
     /// The value at a node of half the spacing of level `last`, interpolated on the finest level
     /// that has all nodes around it.
-    float between(Vec3i node, float beyond);
+    float between(Vec3i node, float beyond) { return below(node, last_, beyond); }
 
 private:
     float below(Vec3i node, int level, float beyond);

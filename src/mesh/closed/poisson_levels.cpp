@@ -31,7 +31,7 @@ Vec3i node_below(Vec3f p, float spacing) {
 }
 
 void sort_unique(std::vector<std::uint64_t>& keys) {
-    std::sort(keys.begin(), keys.end());
+    std::ranges::sort(keys);
     keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
 }
 
@@ -61,15 +61,6 @@ const float* LevelReader::find(int level, Vec3i node) {
     }
     return &from.values[static_cast<std::size_t>(last) * kBlockVoxels +
                         static_cast<std::size_t>(local_of_node(node))];
-}
-
-float LevelReader::at(Vec3i node, float beyond) {
-    if (const float* own = find(last_, node)) return *own;
-    return below(node, last_ - 1, beyond);
-}
-
-float LevelReader::between(Vec3i node, float beyond) {
-    return below(node, last_, beyond);
 }
 
 float LevelReader::below(Vec3i node, int level, float beyond) {

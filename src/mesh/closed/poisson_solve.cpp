@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/device/parallel.h"
+#include "core/math/quantile.h"
 #include "mesh/fuse/pixel_trust.h"
 
 namespace tvsgs {
@@ -177,7 +178,7 @@ Densities measure_densities(const OrientedPoints& points, const std::vector<floa
             const Hat hat(points.positions[at], spacing);
             float sum = 0;
             for (int c = 0; c < 8; ++c)
-                sum += hat.share(corner_of(c)) * reader.at(hat.base + corner_of(c), 0);
+                sum += hat.share(corner_offset(c)) * reader.at(hat.base + corner_offset(c), 0);
             density[at] = sum;
         });
         for (std::size_t i = 0; i < points.size(); ++i) {
@@ -187,10 +188,9 @@ Densities measure_densities(const OrientedPoints& points, const std::vector<floa
         }
     }
     std::vector<int> sorted = found.levels;
-    const auto middle = sorted.begin() + sorted.size() / 2;
-    std::nth_element(sorted.begin(), middle, sorted.end());
+    const int middle = middle_of(sorted);
     for (int& level : found.levels)
-        if (level < *middle - kMaxLevelsAbove) level = -1, ++found.isolated;
+        if (level < middle - kMaxLevelsAbove) level = -1, ++found.isolated;
     return found;
 }
 
@@ -284,7 +284,7 @@ void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquation
                 const int b = color[k];
                 changes[b] = moves(b) ? relax_block(level, b, boundaries[b], equations) : 0;
             });
-        if (*std::max_element(changes.begin(), changes.end()) < kTolerance) break;
+        if (*std::ranges::max_element(changes) < kTolerance) break;
     }
 }
 

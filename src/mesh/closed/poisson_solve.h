@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mesh/closed/poisson.h"
+#include "mesh/fuse/marching_cubes_table.h"
 
 namespace tvsgs {
 
@@ -23,11 +24,6 @@ struct Hat {
         return (corner.x ? t.x : 1 - t.x) * (corner.y ? t.y : 1 - t.y) * (corner.z ? t.z : 1 - t.z);
     }
 };
-
-/// Corner i of a cell; bit 0 of i: x, bit 1: y, bit 2: z.
-constexpr Vec3i corner_of(int i) {
-    return {i & 1, i >> 1 & 1, i >> 2};
-}
 
 /// Points sorted by the block of a level that contains their base node.
 struct PointBins {
@@ -69,9 +65,9 @@ void for_points_around(const PoissonLevel& level,
             const Vec3i base = bins.hats[i].base - origin;
             if (least(base) < -2 || most(base) > kBlockEdge) continue;
             for (int c = 0; c < 8; ++c) {
-                const Vec3i node = base + corner_of(c);
+                const Vec3i node = base + corner_offset(c);
                 if (least(node) >= -1 && most(node) <= kBlockEdge)
-                    action(bins.order[i], node, bins.hats[i].share(corner_of(c)));
+                    action(bins.order[i], node, bins.hats[i].share(corner_offset(c)));
             }
         }
     }

@@ -25,10 +25,10 @@ int crossed_neighbours(const Around& around) {
         for (cell.y = -1; cell.y < kBlockEdge; ++cell.y)
             for (cell.x = -1; cell.x < kBlockEdge; ++cell.x) {
                 int inside = 0;
-                for (int c = 0; c < 8; ++c) inside += around[halo_index(cell + corner_of(c))];
+                for (int c = 0; c < 8; ++c) inside += around[halo_index(cell + corner_offset(c))];
                 if (inside == 0 || inside == 8) continue;
                 for (int c = 0; c < 8; ++c) {
-                    const Vec3i p = cell + corner_of(c);
+                    const Vec3i p = cell + corner_offset(c);
                     const auto side = [](int i) { return i < 0 ? 0 : i < kBlockEdge ? 1 : 2; };
                     found |= 1 << ((side(p.z) * 3 + side(p.y)) * 3 + side(p.x));
                 }
@@ -62,8 +62,7 @@ std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
                     touched.push_back(block_key(block_of_key(frontier[i]) +
                                                 Vec3i{d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1}));
         sort_unique(touched);
-        std::set_difference(touched.begin(), touched.end(), looked_at.begin(), looked_at.end(),
-                            std::back_inserter(next));
+        std::ranges::set_difference(touched, looked_at, std::back_inserter(next));
         const auto add = [](auto& to, const auto& more) {
             to.insert(to.end(), more.begin(), more.end());
             sort_unique(to);

@@ -10,7 +10,6 @@
 #include "mesh/fuse/pixel_trust.h"
 
 namespace tvsgs {
-namespace {
 
 constexpr int kCellBits = 20;  // of each coordinate
 // With everything that is computed from it up to the mesh.
@@ -19,8 +18,6 @@ constexpr std::int64_t kBytesOfPoint = 250;
 // However large the cells, the 8 cells around the origin and their 8 octants stay separate.
 constexpr std::int64_t kMinPoints = 8 * 8;
 
-}  // namespace
-
 std::uint64_t ViewPoints::key(Vec3f position, Vec3f normal) const {
     std::uint64_t key = 0;
     for (int axis = 2; axis >= 0; --axis) {
@@ -28,9 +25,9 @@ std::uint64_t ViewPoints::key(Vec3f position, Vec3f normal) const {
         const double cell =
             std::floor(static_cast<double>(position[axis]) / static_cast<double>(cell_)) + kHalf;
         if (!(cell >= 0 && cell < 2 * kHalf))
-            throw Error(ExitCode::input, str("a surface point at (", position.x, ", ", position.y,
-                                             ", ", position.z, ") is too far out for voxels of ",
-                                             cell_, "; lower --depth-max or raise --voxel-size"));
+            throw Error(ExitCode::input, "a surface point at (", position.x, ", ", position.y, ", ",
+                        position.z, ") is too far out for voxels of ", cell_,
+                        "; lower --depth-max or raise --voxel-size");
         key = key << kCellBits | static_cast<std::uint64_t>(cell);
     }
     const int octant = (normal.x > 0) | (normal.y > 0) << 1 | (normal.z > 0) << 2;
@@ -39,11 +36,10 @@ std::uint64_t ViewPoints::key(Vec3f position, Vec3f normal) const {
 
 void ViewPoints::merge(std::vector<Point> points) {
     const auto before = [](const Point& a, const Point& b) { return a.key < b.key; };
-    std::stable_sort(points.begin(), points.end(), before);
+    std::ranges::stable_sort(points, before);
     std::vector<Point> all;
     all.reserve(points_.size() + points.size());
-    std::merge(points_.begin(), points_.end(), points.begin(), points.end(),
-               std::back_inserter(all), before);
+    std::ranges::merge(points_, points, std::back_inserter(all), before);
     points_.clear();
     for (const Point& next : all) {
         if (points_.empty() || points_.back().key != next.key) {
@@ -77,10 +73,9 @@ void ViewPoints::add(const PointView& view) {
 void ViewPoints::fit(std::int64_t max_bytes) {
     while (2 * kBytesOfPoint * static_cast<std::int64_t>(points_.size()) > max_bytes) {
         if (std::int64_t(points_.size()) <= kMinPoints)
-            throw Error(
-                ExitCode::memory,
-                str("a closed surface needs at least ", 2 * kBytesOfPoint * kMinPoints,
-                    " bytes for its points; ", max_bytes, " are available; raise --memory"));
+            throw Error(ExitCode::memory, "a closed surface needs at least ",
+                        2 * kBytesOfPoint * kMinPoints, " bytes for its points; ", max_bytes,
+                        " are available; raise --memory");
         cell_ *= 2;
         std::vector<Point> points = std::exchange(points_, {});
         for (Point& p : points) p.key = key(p.position, p.normal);

@@ -21,8 +21,6 @@ struct Hits {
     static constexpr float kNoDepth = 1e30f;
 };
 
-enum class HitParts { all, depth };
-
 constexpr int kBandRows = 8;             // rows per parallel task
 constexpr int kFacesPerChunk = 1 << 14;  // faces per parallel task
 
@@ -154,12 +152,12 @@ struct Bands {
 
 /// Draws both sides of a face. A face that crosses the camera plane is cut there, not dropped. Of
 /// two faces at the same depth the first one wins.
-Hits find_hits(const TriangleMesh& mesh, const Camera& camera, HitParts parts = HitParts::all) {
+Hits find_hits(const TriangleMesh& mesh, const Camera& camera, bool only_depth = false) {
     Hits hits;
     hits.width = camera.width_px, hits.height = camera.height_px;
     const std::size_t samples = static_cast<std::size_t>(hits.width) * hits.height;
     hits.depth.assign(samples, Hits::kNoDepth);
-    if (parts == HitParts::all) hits.face.assign(samples, -1), hits.weight.resize(samples);
+    if (!only_depth) hits.face.assign(samples, -1), hits.weight.resize(samples);
 
     const CameraMesh seen(mesh, camera);
     std::vector<Box> boxes(mesh.faces.size());
@@ -249,7 +247,7 @@ ImageF box_filter(const ImageF& image, int n) {
 
 ImageF render_depth(const TriangleMesh& mesh, const Camera& camera) {
     ImageF depth(camera.width_px, camera.height_px, 0);
-    depth.channels = 1, depth.pixels = find_hits(mesh, camera, HitParts::depth).depth;
+    depth.channels = 1, depth.pixels = find_hits(mesh, camera, true).depth;
     parallel_for_heavy(Cpu{}, depth.height, [&](int y) {
         for (int x = 0; x < depth.width; ++x)
             if (depth.at(x, y) == Hits::kNoDepth) depth.at(x, y) = 0;

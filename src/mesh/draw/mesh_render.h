@@ -1,5 +1,8 @@
-// Renders triangle meshes on the CPU, for synthetic scenes and previews.
+// Renders triangle meshes on the CPU, for synthetic scenes and previews, and finds the upright
+// orientation of a scene from its cameras.
 #pragma once
+
+#include <vector>
 
 #include "core/scene/camera.h"
 #include "core/scene/image.h"
@@ -49,5 +52,10 @@ ImageF box_filter(const ImageF& image, int n);
 
 /// Converts [0, 1] to 8 bits, rounded and clamped.
 ImageU8 to_8bit(const ImageF& image);
+
+/// Rotation of a scene (in any frame) that makes it stand upright in viewers: +y is up, and the
+/// middle one of `cameras` looks from +z. Up is perpendicular to the cameras' pixel rows, because
+/// people hold cameras level, on the side of the mean upward axis. [docs/method/texture.md#upright]
+Mat3<double> upright_from_scene(const std::vector<Camera>& cameras);
 
 }  // namespace tvsgs

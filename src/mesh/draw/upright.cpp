@@ -1,6 +1,5 @@
-#include "mesh/draw/upright.h"
-
 #include "core/math/eigen.h"
+#include "mesh/draw/mesh_render.h"
 
 namespace tvsgs {
 

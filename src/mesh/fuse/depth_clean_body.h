@@ -58,10 +58,9 @@ DepthCounts clean_depth(const RenderedImages<Device>& rendered,
         CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
                        rendered.normal.span(), mask, clean.depth.span(), clean.outcomes.span()});
     if (rules.trust)
-        parallel_for(
-            Device{}, static_cast<int>(pixels),
-            PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
-                           rendered.normal.span(), clean.weight.span(), rules.jump_px});
+        parallel_for(Device{}, static_cast<int>(pixels),
+                     PixelTrustBody{camera, clean.depth.span(), rendered.depth.span(),
+                                    rendered.normal.span(), clean.weight.span(), rules.jump_px});
     DepthCounts counts;
     for (const DepthOutcome outcome : to_host(clean.outcomes))
         ++counts.of[static_cast<std::size_t>(outcome)];

@@ -18,6 +18,14 @@ struct DepthView {
     Span<const Vec3f> normal = {};  // [H W] camera frame, facing the camera, of any length
 };
 
+/// Copies a map of a view to the host.
+template <class Device, class T>
+std::vector<std::remove_const_t<T>> map_on_host(Device, Span<T> map) {
+    std::vector<std::remove_const_t<T>> host(map.count);
+    detail::copy(Device{}, map.data, Cpu{}, host.data(), host.size() * sizeof(T));
+    return host;
+}
+
 /// World point of pixel (x, y) at z-depth `depth`.
 TVSGS_HD inline Vec3f unproject(const Camera& camera, int x, int y, float depth) {
     const Vec3f p_camera = depth * pixel_ray(camera, x, y);

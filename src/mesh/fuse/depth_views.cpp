@@ -7,15 +7,13 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/math/quantile.h"
 
 namespace tvsgs {
 
 double median_depth(std::vector<float> depths) {
     std::erase_if(depths, [](float d) { return !(d > 0 && std::isfinite(d)); });
-    if (depths.empty()) return 0;
-    const auto middle = depths.begin() + depths.size() / 2;
-    std::nth_element(depths.begin(), middle, depths.end());
-    return static_cast<double>(*middle);
+    return depths.empty() ? 0 : static_cast<double>(middle_of(depths));
 }
 
 std::string limit_text(const DepthRules& rules) {
@@ -48,21 +46,18 @@ std::string dropped_pixels(const DepthCounts& counts, const DepthRules& rules) {
 
 namespace detail {
 
-void log_pixel_counts(const DepthCounts& counts, const DepthRules& rules) {
-    const std::string dropped = dropped_pixels(counts, rules);
-    spdlog::debug("Depth pixels: {} fused{}", grouped(counts[DepthOutcome::kept]),
-                  dropped.empty() ? "" : "; dropped: " + dropped);
-}
-
 std::string why_none_passed(const DepthCounts& counts,
                             const DepthRules& rules,
                             double median_depth) {
+    const std::string dropped = dropped_pixels(counts, rules);
+    spdlog::debug("Depth pixels: {} fused{}", grouped(counts[DepthOutcome::kept]),
+                  dropped.empty() ? "" : "; dropped: " + dropped);
     if (counts[DepthOutcome::kept] > 0) return {};
     return fmt::format(
         "all depth pixels were dropped: {} (the median depth of the last view is {:.4g}); raise "
         "--depth-max, lower --alpha-min, pass --everything, or check the masks (--no-masks) and "
         "--bbox",
-        dropped_pixels(counts, rules), median_depth);
+        dropped, median_depth);
 }
 
 }  // namespace detail

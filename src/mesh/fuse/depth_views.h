@@ -20,7 +20,6 @@ std::string limit_text(const DepthRules& rules);
 
 namespace detail {
 
-void log_pixel_counts(const DepthCounts& counts, const DepthRules& rules);
 std::string why_none_passed(const DepthCounts& counts,
                             const DepthRules& rules,
                             double median_depth);
@@ -64,10 +63,10 @@ public:
                                                  Maps::color | kGeometryMaps);
         const Camera& camera = rendered.camera;  // of the depths
         copy(mask(i), mask_);
-        count = clean_depth(rendered, camera, std::as_const(mask_).span(), rules_, clean_);
+        count = clean_depth(rendered, camera, mask_.span(), rules_, clean_);
         if (count[DepthOutcome::kept] == 0) median_ = median_depth(to_host(rendered.depth));
-        return {camera, std::as_const(clean_.depth).span(), rendered.color.span(),
-                std::as_const(clean_.weight).span(), rendered.normal.span()};
+        return {camera, clean_.depth.span(), rendered.color.span(), clean_.weight.span(),
+                rendered.normal.span()};
     }
 
     /// The depth of the last view() call.
@@ -79,22 +78,16 @@ public:
     /// Pixel counts of a rendered view.
     const DepthCounts& counts(int i) const { return counts_[i]; }
 
-    /// Logs how many pixels were dropped, and why.
-    void log_pixel_counts() const { detail::log_pixel_counts(total(), rules_); }
-
-    /// Why no pixel passed the rules; empty if one did.
+    /// Logs how many pixels were dropped, and why. Returns why none passed the rules; empty if one
+    /// did.
     std::string why_none_passed() const {
-        return detail::why_none_passed(total(), rules_, median_);
-    }
-
-private:
-    DepthCounts total() const {
         DepthCounts total;
         for (const DepthCounts& count : counts_)
             for (std::size_t k = 0; k < count.of.size(); ++k) total.of[k] += count.of[k];
-        return total;
+        return detail::why_none_passed(total, rules_, median_);
     }
 
+private:
     const std::vector<View>& views_;
     const Gaussians<Device>& gaussians_;
     Backbone<Device>& backbone_;

@@ -21,10 +21,6 @@ std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts) {
     return total;
 }
 
-std::int64_t free_bytes(Cpu) {
-    return free_host_bytes();
-}
-
 std::int64_t host_budget(std::int64_t max_bytes) {
     constexpr double kShareOfFreeMemory = 0.8;
     return std::min(max_bytes,

@@ -17,7 +17,9 @@ std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts);
 std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cuda>& counts);
 
 /// Free memory in bytes.
-std::int64_t free_bytes(Cpu);
+inline std::int64_t free_bytes(Cpu) {
+    return free_host_bytes();
+}
 std::int64_t free_bytes(Cuda);
 
 /// Host memory that a mesher may use: a share of the free memory, at most `max_bytes`.

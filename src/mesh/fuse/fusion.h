@@ -2,12 +2,13 @@
 #pragma once
 
 #include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <string>
 
 #include "core/error.h"
+#include "core/scratch_file.h"
 #include "mesh/fuse/mesh_parts.h"
-#include "mesh/fuse/spill_file.h"
 
 namespace tvsgs {
 
@@ -18,6 +19,47 @@ struct FusionReport {
 };
 
 namespace detail {
+
+/// Stores arrays that do not fit into memory in a scratch file, one after the other. All functions
+/// throw Error(ExitCode::io).
+class SpillFile {
+public:
+    /// Makes the folder if it does not exist.
+    explicit SpillFile(const std::string& folder) : file_(made(folder), kPurpose) {}
+
+    struct Place {
+        std::int64_t offset = 0;
+        std::size_t count = 0;
+    };
+
+    template <class T>
+    Place append(const T* values, std::size_t count) {
+        const Place place{bytes_, count};
+        file_.write(bytes_, values, count * sizeof(T));
+        bytes_ += static_cast<std::int64_t>(count * sizeof(T));
+        return place;
+    }
+    template <class T>
+    void read(Place place, std::vector<T>& values) const {
+        values.resize(place.count);
+        file_.read(place.offset, values.data(), place.count * sizeof(T));
+    }
+    std::int64_t bytes() const { return bytes_; }
+
+private:
+    static constexpr const char* kPurpose =
+        "what does not fit into --memory is kept in this folder for a while";
+
+    /// Ignores a failure, because creating the file reports it.
+    static const std::string& made(const std::string& folder) {
+        std::error_code code;
+        std::filesystem::create_directories(folder, code);
+        return folder;
+    }
+
+    ScratchFile file_;
+    std::int64_t bytes_ = 0;
+};
 
 /// Stores the views' maps on disk, then fuses each part from the views that touch it.
 template <class Device>
@@ -38,9 +80,7 @@ TriangleMesh fuse_in_parts(int views,
     std::vector<float> depth, weight;
     std::vector<Vec3f> color;
     const auto to_file = [&](auto from, auto& values) {
-        values.resize(from.count);
-        tvsgs::detail::copy(Device{}, from.data, Cpu{}, values.data(),
-                            values.size() * sizeof(values[0]));
+        values = map_on_host(Device{}, from);
         return file.append(values.data(), values.size());
     };
     for (int i = 0; i < views; ++i) {
@@ -61,8 +101,7 @@ TriangleMesh fuse_in_parts(int views,
     const auto load = [&](const Stored& view) -> DepthView<Device> {
         file.read(view.depth, depth), file.read(view.color, color), file.read(view.weight, weight);
         copy(depth, depth_buffer), copy(color, color_buffer), copy(weight, weight_buffer);
-        return {view.camera, std::as_const(depth_buffer).span(), std::as_const(color_buffer).span(),
-                std::as_const(weight_buffer).span()};
+        return {view.camera, depth_buffer.span(), color_buffer.span(), weight_buffer.span()};
     };
     report.parts = 0;
     for (BlockPart part; planner.next(part); ++report.parts) {

@@ -57,8 +57,8 @@ std::size_t fade_large_on(const std::vector<Camera>& cameras, float max_px, Gaus
     Buffer<Camera, Device> at;
     copy(cameras, at);
     parallel_for(Device{}, g.size(),
-                 FadeLargeBody{std::as_const(at).span(), max_px, std::as_const(g.means).span(),
-                               std::as_const(g.log_scales).span(), g.opacity_logits.span()});
+                 FadeLargeBody{at.span(), max_px, g.means.span(), g.log_scales.span(),
+                               g.opacity_logits.span()});
     const std::vector<float> logits = to_host(g.opacity_logits);
     return static_cast<std::size_t>(std::count(logits.begin(), logits.end(), kFaded));
 }

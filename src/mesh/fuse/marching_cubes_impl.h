@@ -5,8 +5,8 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "mesh/fuse/device_algorithms.h"
-#include "mesh/fuse/marching_cubes.h"
 #include "mesh/fuse/marching_cubes_table.h"
+#include "mesh/fuse/mesh_parts.h"
 
 namespace tvsgs {
 namespace detail {
@@ -128,7 +128,7 @@ struct VerticesBody {
     Span<const std::uint8_t> edges;
     Span<const std::uint32_t> offsets;
     Span<Vec3f> positions, colors;
-    Span<std::uint16_t> owner_edges;  // may be empty
+    Span<std::uint16_t> owner_edges;
 
     TVSGS_HD void operator()(int voxel) const {
         std::uint32_t place = offsets[voxel];
@@ -142,8 +142,7 @@ struct VerticesBody {
             Vec3f p = grid.centre(voxel);
             p[axis] += t * grid.voxel_size;
             positions[place] = grid.contraction.expand(p);
-            if (!owner_edges.empty())
-                owner_edges[place] = static_cast<std::uint16_t>(voxel % kBlockVoxels * 3 + axis);
+            owner_edges[place] = static_cast<std::uint16_t>(voxel % kBlockVoxels * 3 + axis);
             colors[place++] = (1 - t) * a.color + t * b.color;
         }
     }
@@ -183,12 +182,16 @@ struct FacesBody {
     }
 };
 
-/// Meshes blocks [first, first + count); `part`, if not null, gets its edges and block_vertices.
+}  // namespace detail
+
 template <class Device>
-TriangleMesh marching_cubes_on(
-    const VoxelBlocks<Device>& blocks, float min_weight, int first, int count, MeshPart* part) {
-    TriangleMesh mesh;
-    if (blocks.size() == 0) return mesh;
+MeshPart marching_cubes_part(const VoxelBlocks<Device>& blocks,
+                             float min_weight,
+                             int first,
+                             int count) {
+    using namespace detail;
+    MeshPart part;
+    if (blocks.size() == 0) return part;
     const auto table_host = marching_cubes_table();
     const auto table =
         to_device<Device>(std::vector<CubeCase>(table_host.begin(), table_host.end()));
@@ -214,41 +217,21 @@ TriangleMesh marching_cubes_on(
         throw_mesh_too_large(vertex_count, triangle_count);
 
     Buffer<Vec3f, Device> positions(vertex_count), colors(vertex_count);
-    Buffer<std::uint16_t, Device> owner_edges(part ? vertex_count : 0);
+    Buffer<std::uint16_t, Device> owner_edges(vertex_count);
     parallel_for(Device{}, voxels,
                  VerticesBody{grid, edges.span(), vertex_offsets.span(), positions.span(),
                               colors.span(), owner_edges.span()});
-    mesh.vertices = to_host(positions);
-    mesh.colors = to_host(colors);
-    if (part) {
-        part->edges = to_host(owner_edges);
-        Buffer<std::uint32_t, Device> firsts(static_cast<std::size_t>(count));
-        parallel_for(Device{}, count,
-                     FirstVerticesBody{first, std::as_const(vertex_offsets).span(), firsts.span()});
-        part->block_vertices = to_host(firsts);
-    }
+    part.mesh.vertices = to_host(positions);
+    part.mesh.colors = to_host(colors);
+    part.edges = to_host(owner_edges);
+    Buffer<std::uint32_t, Device> firsts(static_cast<std::size_t>(count));
+    parallel_for(Device{}, count, FirstVerticesBody{first, vertex_offsets.span(), firsts.span()});
+    part.block_vertices = to_host(firsts);
     Buffer<Vec3i, Device> faces(triangle_count);
     parallel_for(Device{}, voxels,
                  FacesBody{grid, own, table.span(), cases.span(), edges.span(),
                            vertex_offsets.span(), triangle_offsets.span(), faces.span()});
-    mesh.faces = to_host(faces);
-    return mesh;
-}
-
-}  // namespace detail
-
-template <class Device>
-TriangleMesh marching_cubes(const VoxelBlocks<Device>& blocks, float min_weight) {
-    return detail::marching_cubes_on(blocks, min_weight, 0, blocks.size(), nullptr);
-}
-
-template <class Device>
-MeshPart marching_cubes_part(const VoxelBlocks<Device>& blocks,
-                             float min_weight,
-                             int first,
-                             int count) {
-    MeshPart part;
-    part.mesh = detail::marching_cubes_on(blocks, min_weight, first, count, &part);
+    part.mesh.faces = to_host(faces);
     return part;
 }
 

@@ -6,17 +6,13 @@
 
 namespace tvsgs {
 
-PartPlanner::PartPlanner(const std::vector<std::uint64_t>& keys, std::size_t capacity)
-    : keys_(keys), capacity_(capacity), loaded_(keys.size()) {}
-
 void PartPlanner::add_around(std::uint64_t key) {
     const Vec3i block = block_of_key(key);
     const auto reachable = [](int c) { return std::clamp(c, -kBlockReach, kBlockReach - 1); };
     for (int z = reachable(block.z - 1); z <= reachable(block.z + 1); ++z)
         for (int y = reachable(block.y - 1); y <= reachable(block.y + 1); ++y) {
             const std::uint64_t last = block_key({reachable(block.x + 1), y, z});
-            auto at = std::lower_bound(keys_.begin(), keys_.end(),
-                                       block_key({reachable(block.x - 1), y, z}));
+            auto at = std::ranges::lower_bound(keys_, block_key({reachable(block.x - 1), y, z}));
             for (; at != keys_.end() && *at <= last; ++at) {
                 const auto place = static_cast<std::size_t>(at - keys_.begin());
                 if (!loaded_[place]) loaded_[place] = 1, places_.push_back(place);
@@ -35,22 +31,16 @@ bool PartPlanner::next(BlockPart& part) {
         break;
     }
     if (end == begin_)
-        throw Error(ExitCode::memory,
-                    str("fusion needs memory for 27 blocks of ", kBlockEdge,
-                        "^3 voxels; the limit allows ", capacity_, "; raise --memory"));
-    std::sort(places_.begin(), places_.end());
-    part.first = static_cast<int>(std::lower_bound(places_.begin(), places_.end(), begin_) -
-                                  places_.begin());
+        throw Error(ExitCode::memory, "fusion needs memory for 27 blocks of ", kBlockEdge,
+                    "^3 voxels; the limit allows ", capacity_, "; raise --memory");
+    std::ranges::sort(places_);
+    part.first = static_cast<int>(std::ranges::lower_bound(places_, begin_) - places_.begin());
     part.count = static_cast<int>(end - begin_);
     part.keys.clear();
     for (const std::size_t place : places_) part.keys.push_back(keys_[place]), loaded_[place] = 0;
     places_.clear();
     begin_ = end;
     return true;
-}
-
-MeshJoiner::MeshJoiner(const std::vector<std::uint64_t>& keys) : keys_(keys) {
-    block_vertices_.reserve(keys.size() + 1);
 }
 
 void MeshJoiner::add(const BlockPart& part, const MeshPart& piece) {
@@ -75,7 +65,7 @@ void MeshJoiner::add(const BlockPart& part, const MeshPart& piece) {
                 continue;
             }
             const std::uint64_t key = part.keys[~corner / kBlockEdges];
-            const auto block = std::lower_bound(keys_.begin(), keys_.end(), key) - keys_.begin();
+            const auto block = std::ranges::lower_bound(keys_, key) - keys_.begin();
             pending_.push_back({3 * f + static_cast<std::size_t>(k),
                                 static_cast<std::size_t>(block),
                                 static_cast<std::uint16_t>(~corner % kBlockEdges)});

@@ -56,11 +56,10 @@ void check_truncation(const Camera& camera, std::vector<float> depths, const Tsd
     const double pixel =
         median_depth(std::move(depths)) / static_cast<double>(std::max(camera.fx_px, camera.fy_px));
     if (2 * static_cast<double>(volume.truncation) >= pixel) return;
-    throw Error(ExitCode::usage,
-                str("voxel size ", volume.voxel_size, " and truncation ", volume.truncation,
-                    " are too small: pixels are ", pixel,
-                    " apart on the surface, so it would have gaps; pass --voxel-size ", pixel,
-                    ", or --truncation ", pixel, " or more"));
+    throw Error(ExitCode::usage, "voxel size ", volume.voxel_size, " and truncation ",
+                volume.truncation, " are too small: pixels are ", pixel,
+                " apart on the surface, so it would have gaps; pass --voxel-size ", pixel,
+                ", or --truncation ", pixel, " or more");
 }
 
 void log_volume(const FusionReport& fusion) {

@@ -84,9 +84,8 @@ public:
         found.mesh =
             fuse_views<Device>(in.depth.size(), source, volume,
                                static_cast<float>(options_.min_weight), in.spill_folder, fusion);
-        in.depth.log_pixel_counts();
-        detail::log_volume(fusion);
         found.why_empty = in.depth.why_none_passed();
+        detail::log_volume(fusion);
         if (found.why_empty.empty() && found.mesh.faces.empty())
             found.why_empty =
                 "no two views agree on a surface; lower --min-weight, or pass "

@@ -205,15 +205,14 @@ template <class Device>
 TsdfVolume<Device>::TsdfVolume(const TsdfOptions& options) : options_(options) {
     if (!(options.voxel_size > 0 && std::isfinite(options.voxel_size) && options.truncation > 0 &&
           std::isfinite(options.truncation)))
-        throw Error(ExitCode::usage, str("the voxel size (", options.voxel_size,
-                                         ") and the truncation (", options.truncation,
-                                         ") must be positive; pass --voxel-size and --truncation"));
+        throw Error(ExitCode::usage, "the voxel size (", options.voxel_size,
+                    ") and the truncation (", options.truncation,
+                    ") must be positive; pass --voxel-size and --truncation");
     const float radius = options.contraction.radius;
     if (options.contraction.is_on() && !(options.truncation < radius && std::isfinite(radius)))
-        throw Error(ExitCode::usage,
-                    str("truncation ", options.truncation,
-                        " is too large for an unbounded scene with a ball of radius ", radius,
-                        "; lower --voxel-size or --truncation"));
+        throw Error(ExitCode::usage, "truncation ", options.truncation,
+                    " is too large for an unbounded scene with a ball of radius ", radius,
+                    "; lower --voxel-size or --truncation");
     clear();
 }
 
@@ -233,9 +232,8 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
     const auto expected = static_cast<std::size_t>(pixels);
     if (view.depth.count != expected || view.color.count != expected ||
         (!view.weight.empty() && view.weight.count != expected))
-        throw Error(ExitCode::internal,
-                    str("fusion: ", view.depth.count, " depths, ", view.color.count,
-                        " colours and ", view.weight.count, " weights for ", pixels, " pixels"));
+        throw Error(ExitCode::internal, "fusion: ", view.depth.count, " depths, ", view.color.count,
+                    " colours and ", view.weight.count, " weights for ", pixels, " pixels");
     const VoxelSpace space = options_.space();
     offsets_.resize(static_cast<std::size_t>(pixels));
     parallel_for(Device{}, pixels,
@@ -243,23 +241,20 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
     const std::uint64_t total = exclusive_scan(offsets_);
     if (total >= detail::kTooMany) {
         // Finds the cause on the host, for the error message only.
-        std::vector<float> depth(view.depth.count);
-        tvsgs::detail::copy(Device{}, view.depth.data, Cpu{}, depth.data(),
-                            depth.size() * sizeof(float));
+        const std::vector<float> depth = map_on_host(Device{}, view.depth);
         for (int i = 0; i < pixels; ++i) {
             const int x = i % camera.width_px, y = i / camera.width_px;
             const float d = depth[i];
             if (blocks_of_pixel(camera, x, y, d, space).too_far)
-                throw Error(ExitCode::input,
-                            str("pixel (", x, ", ", y, ") has depth ", d, ", which lies more than ",
-                                kBlockReach * static_cast<double>(kBlockEdge * space.voxel_size),
-                                " from the origin, beyond the volume's reach; lower --depth-max or "
-                                "raise --voxel-size"));
+                throw Error(ExitCode::input, "pixel (", x, ", ", y, ") has depth ", d,
+                            ", which lies more than ",
+                            kBlockReach * static_cast<double>(kBlockEdge * space.voxel_size),
+                            " from the origin, beyond the volume's reach; lower --depth-max or "
+                            "raise --voxel-size");
         }
-        throw Error(
-            ExitCode::usage,
-            str("a truncation of ", options_.truncation, " marks too many blocks of ", kBlockEdge,
-                " voxels of ", options_.voxel_size, "; lower --truncation or raise --voxel-size"));
+        throw Error(ExitCode::usage, "a truncation of ", options_.truncation,
+                    " marks too many blocks of ", kBlockEdge, " voxels of ", options_.voxel_size,
+                    "; lower --truncation or raise --voxel-size");
     }
     view_keys_.resize(total);
     parallel_for(
@@ -300,10 +295,10 @@ bool TsdfVolume<Device>::add_blocks() {
 template <class Device>
 void TsdfVolume<Device>::fuse_marked(const DepthView<Device>& view) {
     // Few enough for int, see kMaxBlocks.
-    parallel_for(Device{}, static_cast<int>(view_keys_.size()) * kBlockVoxels,
-                 detail::IntegrateBody{view.camera, view.depth, view.color, view.weight,
-                                       options_.space(), view_keys_.span(), view_places_.span(),
-                                       std::as_const(blocks_.chunk_table).span()});
+    parallel_for(
+        Device{}, static_cast<int>(view_keys_.size()) * kBlockVoxels,
+        detail::IntegrateBody{view.camera, view.depth, view.color, view.weight, options_.space(),
+                              view_keys_.span(), view_places_.span(), blocks_.chunk_table.span()});
 }
 
 template <class Device>
@@ -330,7 +325,7 @@ std::size_t TsdfVolume<Device>::part_capacity() const {
 template <class Device>
 void TsdfVolume<Device>::start_part(const std::vector<std::uint64_t>& keys) {
     if (keys.size() > part_capacity())
-        throw Error(ExitCode::internal, str("a part of ", keys.size(), " blocks"));
+        throw Error(ExitCode::internal, "a part of ", keys.size(), " blocks");
     copy(keys, blocks_.keys);
     std::vector<int> places(keys.size());
     std::iota(places.begin(), places.end(), 0);
@@ -356,10 +351,9 @@ void TsdfVolume<Device>::integrate_into(const DepthView<Device>& view,
                                         const std::vector<std::uint64_t>& keys) {
     copy(keys, view_keys_);
     view_places_.resize(keys.size());
-    parallel_for(
-        Device{}, static_cast<int>(keys.size()),
-        detail::FindPlacesBody{std::as_const(blocks_.keys).span(), std::as_const(view_keys_).span(),
-                               std::as_const(blocks_.places).span(), view_places_.span()});
+    parallel_for(Device{}, static_cast<int>(keys.size()),
+                 detail::FindPlacesBody{blocks_.keys.span(), view_keys_.span(),
+                                        blocks_.places.span(), view_places_.span()});
     fuse_marked(view);
 }
 
@@ -373,21 +367,18 @@ void TsdfVolume<Device>::contradict(const DepthView<Device>& view) {
         offsets_.resize(static_cast<std::size_t>(all));
         parallel_for(Device{}, all,
                      detail::InViewBody{ViewFrustum(view.camera), options_.voxel_size,
-                                        std::as_const(blocks_.keys).span(), offsets_.span()});
+                                        blocks_.keys.span(), offsets_.span()});
         count = static_cast<int>(exclusive_scan(offsets_));
         if (count == 0) return;
         view_blocks_.resize(static_cast<std::size_t>(count));
-        parallel_for(
-            Device{}, all,
-            detail::ListBlocksBody{std::as_const(offsets_).span(),
-                                   static_cast<std::uint32_t>(count), view_blocks_.span()});
+        parallel_for(Device{}, all,
+                     detail::ListBlocksBody{offsets_.span(), static_cast<std::uint32_t>(count),
+                                            view_blocks_.span()});
     }
     parallel_for(Device{}, count * kBlockVoxels,
                  detail::ContradictBody{view.camera, view.depth, view.weight, options_.space(),
-                                        std::as_const(blocks_.keys).span(),
-                                        std::as_const(blocks_.places).span(),
-                                        std::as_const(view_blocks_).span(),
-                                        std::as_const(blocks_.chunk_table).span()});
+                                        blocks_.keys.span(), blocks_.places.span(),
+                                        view_blocks_.span(), blocks_.chunk_table.span()});
 }
 
 template <class Device>

@@ -1,12 +1,10 @@
-#include "mesh/mend/measured.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "core/progress.h"
 #include "mesh/fuse/depth_view.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_corners.h"
 
 namespace tvsgs {
@@ -194,8 +192,7 @@ void keep_enclosed(const TriangleMesh& mesh,
         std::int64_t kept = 0, open = 0;  // edges
         double area = 0, pixel = 0;
     };
-    std::vector<Border> borders(
-        static_cast<std::size_t>(*std::max_element(component.begin(), component.end()) + 1));
+    std::vector<Border> borders(static_cast<std::size_t>(*std::ranges::max_element(component) + 1));
     for (std::size_t f = 0, r = 0; f < keep.size(); ++f) {
         if (keep[f]) continue;
         const Vec3i face = mesh.faces[f];
@@ -228,7 +225,7 @@ MeasuredReport keep_measured_faces(TriangleMesh& mesh,
                                    const std::vector<View>& views,
                                    float share) {
     const auto photos =
-        std::count_if(views.begin(), views.end(), [](const View& v) { return !v.photo.empty(); });
+        std::ranges::count_if(views, [](const View& v) { return !v.photo.empty(); });
     if (photos < 2 || mesh.faces.empty()) return {};
     const std::vector<Vec3f> normals = vertex_normals(mesh);
     const std::size_t stride = (mesh.vertices.size() + kMaxSamples - 1) / kMaxSamples;
@@ -256,7 +253,7 @@ MeasuredReport keep_measured_faces(TriangleMesh& mesh,
         area += size, removed += keep[f] ? 0 : size;
     }
     MeasuredReport report;
-    report.removed_faces = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), 0));
+    report.removed_faces = static_cast<std::size_t>(std::ranges::count(keep, 0));
     report.removed_area = area > 0 ? removed / area : 0;
     if (report.removed_faces > 0) filter_faces(mesh, keep);
     return report;

@@ -1,11 +1,10 @@
-#include "mesh/mend/mesh_clean.h"
-
 #include <algorithm>
 #include <functional>
 
 #include "core/device/parallel_lists.h"
 #include "core/progress.h"
 #include "mesh/mend/disjoint_sets.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_corners.h"
 
 namespace tvsgs {
@@ -93,17 +92,17 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
     CleanReport report;
     if (mesh.faces.empty()) return report;
     const std::vector<int> component = face_components(mesh);
-    std::vector<std::size_t> counts(1 + *std::max_element(component.begin(), component.end()));
+    std::vector<std::size_t> counts(1 + *std::ranges::max_element(component));
     for (const int c : component) ++counts[c];
     std::size_t least = 0;
     if (clusters > 0) {
         std::vector<std::size_t> sorted = counts;
-        std::sort(sorted.begin(), sorted.end(), std::greater<>());
+        std::ranges::sort(sorted, std::greater<>());
         least = std::max(sorted[std::min<std::size_t>(clusters, sorted.size()) - 1], kMinFaces);
     }
     report.components = counts.size();
     report.kept_components =
-        std::count_if(counts.begin(), counts.end(), [&](std::size_t n) { return n >= least; });
+        std::ranges::count_if(counts, [&](std::size_t n) { return n >= least; });
 
     std::vector<char> keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f)
@@ -238,7 +237,7 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
     std::vector<char> keep(mesh.faces.size());
     parallel_for(Cpu{}, static_cast<int>(keep.size()),
                  [&](int f) { keep[f] = !repeats_corner(mesh.faces[f]); });
-    if (std::find(keep.begin(), keep.end(), 0) != keep.end()) filter_faces(mesh, keep);
+    if (std::ranges::find(keep, 0) != keep.end()) filter_faces(mesh, keep);
     if (mesh.faces.empty()) return report;
     const std::size_t before = mesh.faces.size();
     const std::vector<SurfaceSample> samples = face_samples(mesh);
@@ -250,7 +249,7 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
             united_faces(mesh, corners, [&](std::uint32_t face) { return keep[face]; });
         report.components = number_components(sets, keep, component);
     }
-    const auto kept = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), 1));
+    const auto kept = static_cast<std::size_t>(std::ranges::count(keep, 1));
     report.peeled_faces = before - kept;
     const std::vector<ComponentEvidence> evidence =
         component_evidence(samples, component, report.components, source);

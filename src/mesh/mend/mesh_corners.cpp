@@ -51,7 +51,7 @@ SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners) {
         corners.for_each(v, [&](std::uint32_t f, int k) {
             for (const int step : {1, 2}) ring.push_back(mesh.faces[f][(k + step) % 3]);
         });
-        std::sort(ring.begin(), ring.end());
+        std::ranges::sort(ring);
         const auto count = [&](int w) {
             const auto [first, last] = std::equal_range(ring.begin(), ring.end(), w);
             return last - first;
@@ -78,8 +78,8 @@ void check_indices(const TriangleMesh& mesh) {
     if (wrong == count) return;
     const Vec3i face = mesh.faces[wrong];
     const int k = out_of_range(face.x) ? 0 : out_of_range(face.y) ? 1 : 2;
-    throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
-                                     ", but the mesh has ", vertices));
+    throw Error(ExitCode::input, "face ", wrong, " refers to vertex ", face[k],
+                ", but the mesh has ", vertices);
 }
 
 std::size_t drop_flawed_faces(TriangleMesh& mesh) {
@@ -102,7 +102,7 @@ Corners drop_repeated_faces(TriangleMesh& mesh) {
             const auto [low, high] = std::minmax({face[(k + 1) % 3], face[(k + 2) % 3]});
             if (v <= low) found.push_back({low, high, f});  // checked at its smallest corner
         });
-        std::sort(found.begin(), found.end());
+        std::ranges::sort(found);
         for (std::size_t i = 1; i < found.size(); ++i)
             if (found[i].low == found[i - 1].low && found[i].high == found[i - 1].high)
                 repeated[found[i].face] = 1;

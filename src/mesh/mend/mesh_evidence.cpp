@@ -9,11 +9,8 @@
 #include "mesh/fuse/pixel_trust.h"
 
 namespace tvsgs {
-namespace {
 
 constexpr float kLimitPx = 3;  // between surface and depth, in pixel widths
-
-}  // namespace
 
 Judgement judge(const EvidenceView& view, const SurfaceSample& sample) {
     const Camera& camera = view.camera;

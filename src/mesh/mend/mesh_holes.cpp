@@ -1,5 +1,3 @@
-#include "mesh/mend/mesh_holes.h"
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -8,8 +6,8 @@
 
 #include "core/device/parallel.h"
 #include "mesh/fuse/depth_view.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_loops.h"
-#include "mesh/mend/mesh_manifold.h"
 
 namespace tvsgs {
 namespace {
@@ -43,8 +41,7 @@ struct Surface {
         const auto of_a = loops_at.find(a), of_b = loops_at.find(b);
         if (of_a == loops_at.end() || of_b == loops_at.end()) return false;
         std::vector<std::size_t> both;
-        std::set_intersection(of_a->second.begin(), of_a->second.end(), of_b->second.begin(),
-                              of_b->second.end(), std::back_inserter(both));
+        std::ranges::set_intersection(of_a->second, of_b->second, std::back_inserter(both));
         return both.size() > 1;
     }
     int vertex(int place) const { return boundary.vertices[place]; }
@@ -85,14 +82,13 @@ HoleBoundary boundary_of(const Surface& s, const std::vector<int>& loop) {
     std::vector<int> vertices;
     for (const int place : loop) vertices.push_back(s.vertex(place));
     std::vector<int> sorted = vertices;
-    std::sort(sorted.begin(), sorted.end());
+    std::ranges::sort(sorted);
     for (const int v : vertices) {
         boundary.points.push_back(s.point(v));
         boundary.around.emplace_back();
-        for (auto at = std::lower_bound(s.boundary.edges.begin(), s.boundary.edges.end(),
-                                        std::pair{v, -1});
+        for (auto at = std::ranges::lower_bound(s.boundary.edges, std::pair{v, -1});
              at != s.boundary.edges.end() && at->first == v; ++at)
-            if (!std::binary_search(sorted.begin(), sorted.end(), at->second))
+            if (!std::ranges::binary_search(sorted, at->second))
                 boundary.around.back().push_back(s.point(at->second));
     }
     boundary.may_be_joined = [&s, &loop, vertices](int a, int b) {

@@ -57,7 +57,7 @@ private:
     /// The unused edge from `to` along the same hole: the first one when turning from the edge to
     /// `from` across the hole.
     std::size_t next_edge(int from, int to) const {
-        const auto first = std::lower_bound(edges_.begin(), edges_.end(), HoleEdge{to, -1});
+        const auto first = std::ranges::lower_bound(edges_, HoleEdge{to, -1});
         const Vec3d n = boundary_.normals[to], back = point(from) - point(to);
         std::size_t best = edges_.size();
         double least = std::numeric_limits<double>::infinity();
@@ -96,7 +96,7 @@ std::vector<char> mark_boundary_vertices(const TriangleMesh& mesh,
 }  // namespace
 
 bool MeshBoundary::has_edge(int from, int to) const {
-    return std::binary_search(edges.begin(), edges.end(), std::pair{from, to});
+    return std::ranges::binary_search(edges, std::pair{from, to});
 }
 
 MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface) {
@@ -132,7 +132,7 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
             for (const int step : {1, 2}) others.push_back(faces[f][(k + step) % 3]);
         });
         if (const double length = norm(sum); length > 0) boundary.normals[place] = sum / length;
-        std::sort(others.begin(), others.end());
+        std::ranges::sort(others);
         others.erase(std::unique(others.begin(), others.end()), others.end());
     });
     std::vector<HoleEdge> holes;
@@ -144,7 +144,7 @@ MeshBoundary find_boundary(const TriangleMesh& mesh, const SurfaceEdges& surface
                 holes.push_back({places[faces[f][(k + 1) % 3]], static_cast<int>(place)});
         });
     }
-    std::sort(holes.begin(), holes.end());
+    std::ranges::sort(holes);
     for (const HoleEdge& edge : holes)
         ++boundary.edge_counts[edge.from], ++boundary.edge_counts[edge.to];
     LoopFinder(mesh, boundary, holes).find();

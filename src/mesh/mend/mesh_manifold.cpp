@@ -1,12 +1,10 @@
-#include "mesh/mend/mesh_manifold.h"
-
 #include <algorithm>
 #include <map>
 #include <vector>
 
 #include "core/device/parallel_lists.h"
 #include "mesh/mend/disjoint_sets.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_corners.h"
 
 namespace tvsgs {
@@ -30,7 +28,7 @@ std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
             edges.push_back(
                 {std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f), k});
         }
-    std::sort(edges.begin(), edges.end());
+    std::ranges::sort(edges);
     return edges;
 }
 
@@ -86,10 +84,10 @@ std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
     for (const FaceEdge& edge : edges)
         if (const int v = mesh.faces[edge.face][edge.corner]; marked[v])
             corners.push_back({v, edge.face});
-    std::sort(corners.begin(), corners.end());
+    std::ranges::sort(corners);
     const auto place = [&](int v, int face) {
-        return static_cast<int>(
-            std::lower_bound(corners.begin(), corners.end(), std::pair{v, face}) - corners.begin());
+        return static_cast<int>(std::ranges::lower_bound(corners, std::pair{v, face}) -
+                                corners.begin());
     };
     DisjointSets sheets(corners.size());
     for (std::size_t i = 0, end = 0; i < edges.size(); i = end) {
@@ -150,7 +148,7 @@ ManifoldReport make_manifold(TriangleMesh& mesh) {
     // At a vertex, the faces of a sheet form a strip, and only its two ends may be at an edge of
     // more than two faces. So after the split no edge has more than two faces.
     std::vector<char>& crowded = report.edges.fixed;
-    const bool split = std::find(crowded.begin(), crowded.end(), 1) != crowded.end();
+    const bool split = std::ranges::find(crowded, 1) != crowded.end();
     if (split) report.split_vertices = split_sheets(mesh, find_edges(mesh).fixed);
     if (split || !all_used) report.edges = find_edges(mesh);
     return report;

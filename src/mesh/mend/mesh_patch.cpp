@@ -116,7 +116,7 @@ void fair(const HoleBoundary& boundary, Patch& patch) {
     for (const Vec3i& face : patch.faces)
         for (int k = 0; k < 3; ++k)
             for (const int step : {1, 2}) joined.push_back({face[k], face[(k + step) % 3]});
-    std::sort(joined.begin(), joined.end());
+    std::ranges::sort(joined);
     joined.erase(std::unique(joined.begin(), joined.end()), joined.end());
 
     std::vector<int> degrees(patch.points.size());

@@ -1,7 +1,6 @@
-#include "mesh/mend/mesh_smooth.h"
-
 #include "core/device/parallel_lists.h"
 #include "mesh/fuse/depth_view.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_corners.h"
 
 namespace tvsgs {

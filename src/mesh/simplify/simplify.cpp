@@ -10,10 +10,9 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/scene/view_frustum.h"
-#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mend.h"
 #include "mesh/mend/triangle_tree.h"
-#include "mesh/simplify/simplify_collapse.h"
-#include "mesh/simplify/simplify_proof.h"
+#include "mesh/simplify/simplify_steps.h"
 
 namespace tvsgs {
 namespace {

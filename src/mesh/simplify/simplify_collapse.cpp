@@ -1,9 +1,9 @@
-#include "mesh/simplify/simplify_collapse.h"
-
 #include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <utility>
+
+#include "mesh/simplify/simplify_steps.h"
 
 namespace tvsgs {
 namespace {
@@ -183,14 +183,13 @@ private:
     }
 
     static bool has_face(const std::vector<Around>& around, int a, int b) {
-        return std::any_of(around.begin(), around.end(), [&](const Around& f) {
+        return std::ranges::any_of(around, [&](const Around& f) {
             return (f.p == a && f.q == b) || (f.p == b && f.q == a);
         });
     }
     /// Number of faces at the edge to w.
     static std::ptrdiff_t degree(const std::vector<Around>& around, int w) {
-        return std::count_if(around.begin(), around.end(),
-                             [&](const Around& f) { return f.p == w || f.q == w; });
+        return std::ranges::count_if(around, [&](const Around& f) { return f.p == w || f.q == w; });
     }
 
     /// The link condition: u and v share no neighbours but in their `shared` common faces. [Dey99]

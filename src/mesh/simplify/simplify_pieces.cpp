@@ -2,7 +2,7 @@
 #include <utility>
 
 #include "core/device/parallel.h"
-#include "mesh/simplify/simplify_collapse.h"
+#include "mesh/simplify/simplify_steps.h"
 
 namespace tvsgs {
 
@@ -17,7 +17,7 @@ Groups runs_of(const std::vector<int>& order, std::size_t most, std::size_t firs
         const auto g = static_cast<std::size_t>(i);
         const std::size_t end = g + 1 < begins.size() ? begins[g + 1] : order.size();
         groups[g].assign(order.begin() + begins[g], order.begin() + end);
-        std::sort(groups[g].begin(), groups[g].end());
+        std::ranges::sort(groups[g]);
     });
     return groups;
 }
@@ -60,7 +60,7 @@ public:
                     piece.vertices.push_back(v);
                 }
             }
-        std::sort(shared.begin(), shared.end());
+        std::ranges::sort(shared);
         shared.erase(std::unique(shared.begin(), shared.end()), shared.end());
         piece.own = piece.vertices.size();
         piece.vertices.insert(piece.vertices.end(), shared.begin(), shared.end());
@@ -69,7 +69,7 @@ public:
             Vec3i face;
             for (int k = 0; k < 3; ++k) {
                 const int v = faces_[f][k];
-                const auto at = std::lower_bound(shared.begin(), shared.end(), v);
+                const auto at = std::ranges::lower_bound(shared, v);
                 face[k] = owner_[v] == group
                               ? place_[v]
                               : static_cast<int>(piece.own) + static_cast<int>(at - shared.begin());
@@ -200,8 +200,7 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
             if (from.boundary[i] >= 0)
                 all.boundary[to] = static_cast<int>(start.boundary) + from.boundary[i];
         }
-        std::copy(from.boundaries.begin(), from.boundaries.end(),
-                  all.boundaries.begin() + start.boundary);
+        std::ranges::copy(from.boundaries, all.boundaries.begin() + start.boundary);
         for (std::size_t f = 0; f < from.faces.size(); ++f)
             for (int k = 0; k < 3; ++k) {
                 const auto i = static_cast<std::size_t>(from.faces[f][k]);

@@ -1,5 +1,3 @@
-#include "mesh/simplify/simplify_proof.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +5,7 @@
 #include "core/device/parallel.h"
 #include "mesh/draw/mesh_render.h"
 #include "mesh/fuse/depth_view.h"
+#include "mesh/simplify/simplify_steps.h"
 
 namespace tvsgs {
 namespace {

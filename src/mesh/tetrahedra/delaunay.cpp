@@ -47,7 +47,7 @@ std::vector<int> insertion_order(const std::vector<Vec3i>& points) {
         keys[i] = {
             32u - static_cast<std::uint32_t>(std::countr_zero(bits)), code, p.x, p.y, p.z, i};
     });
-    std::sort(keys.begin(), keys.end());
+    std::ranges::sort(keys);
     std::vector<int> order;
     order.reserve(keys.size());
     for (const auto& key : keys) order.push_back(std::get<5>(key));
@@ -107,7 +107,7 @@ public:
         marks_ = {};
         const auto finite = [](const Cell& c) { return c.v[0] != kFree && c.slot_of(kGhost) < 0; };
         std::vector<Tetrahedron> all;
-        all.reserve(static_cast<std::size_t>(std::count_if(cells_.begin(), cells_.end(), finite)));
+        all.reserve(static_cast<std::size_t>(std::ranges::count_if(cells_, finite)));
         for (const Cell& c : cells_)
             if (finite(c)) all.push_back({c.v[0], c.v[1], c.v[2], c.v[3]});
         return all;
@@ -235,8 +235,8 @@ private:
             return at;
         }
         if (cells_.size() >= std::size_t{1} << 30)
-            throw Error(ExitCode::memory,
-                        str(points_.size(), " points have too many tetrahedra to number"));
+            throw Error(ExitCode::memory, points_.size(),
+                        " points have too many tetrahedra to number");
         cells_.emplace_back(), marks_.push_back(0);
         return static_cast<int>(cells_.size()) - 1;
     }

@@ -1,9 +1,8 @@
-#include "mesh/tetrahedra/marching_tetrahedra.h"
-
 #include <algorithm>
 
+#include "mesh/tetrahedra/tetrahedra_steps.h"
+
 namespace tvsgs {
-namespace {
 
 constexpr int kEdgeEnds[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 
@@ -24,8 +23,6 @@ constexpr int kFaces[16][7] = {{-1},
                                {0, 3, 4, -1},
                                {0, 2, 1, -1},
                                {-1}};
-
-}  // namespace
 
 TetrahedraSurface marching_tetrahedra(const std::vector<Tetrahedron>& tetrahedra,
                                       const std::vector<PointSide>& sides,
@@ -59,10 +56,10 @@ TetrahedraSurface marching_tetrahedra(const std::vector<Tetrahedron>& tetrahedra
     std::vector<std::uint64_t> keys;
     for_each_face([&](const auto& of) { keys.insert(keys.end(), of.begin(), of.end()); });
     surface.faces.reserve(keys.size() / 3);
-    std::sort(keys.begin(), keys.end());
+    std::ranges::sort(keys);
     keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
     const auto edge_of = [&](std::uint64_t key) {
-        return static_cast<int>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin());
+        return static_cast<int>(std::ranges::lower_bound(keys, key) - keys.begin());
     };
     for_each_face([&](const auto& of) {
         surface.faces.push_back({edge_of(of[0]), edge_of(of[1]), edge_of(of[2])});

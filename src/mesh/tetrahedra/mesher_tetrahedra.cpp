@@ -16,9 +16,9 @@ std::size_t most_points(std::int64_t max_bytes, int splats) {
     const std::int64_t most = (budget - of_splats) / kPivotBytes;
     constexpr std::int64_t kMin = 64, kMax = 1 << 27;  // limit of the numbering of tetrahedra
     if (most < kMin)
-        throw Error(ExitCode::memory, str("a mesh of ", splats, " splats needs at least ",
-                                          of_splats + kMin * kPivotBytes, " bytes; ", budget,
-                                          " are available; raise --memory"));
+        throw Error(ExitCode::memory, "a mesh of ", splats, " splats needs at least ",
+                    of_splats + kMin * kPivotBytes, " bytes; ", budget,
+                    " are available; raise --memory");
     return static_cast<std::size_t>(std::min(most, kMax));
 }
 

@@ -7,8 +7,7 @@
 
 #include "core/error.h"
 #include "mesh/mesher.h"
-#include "mesh/tetrahedra/marching_tetrahedra.h"
-#include "mesh/tetrahedra/pivots.h"
+#include "mesh/tetrahedra/tetrahedra_steps.h"
 
 namespace tvsgs {
 
@@ -129,10 +128,7 @@ private:
 
     /// The SH coefficients of degree 0.
     static std::vector<Vec3f> base_sh(const Gaussians<Device>& gaussians) {
-        std::vector<Vec3f> base(static_cast<std::size_t>(gaussians.size()));
-        tvsgs::detail::copy(Device{}, gaussians.sh.data(), Cpu{}, base.data(),
-                            base.size() * sizeof(Vec3f));
-        return base;
+        return map_on_host(Device{}, gaussians.sh.span().sub(0, gaussians.size()));
     }
 
     // Halvings of an edge; leaves 1/256 of its length.

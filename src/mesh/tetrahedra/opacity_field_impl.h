@@ -130,28 +130,11 @@ FieldView make_view(const FieldSplats<Device>& splats,
     return {camera,
             grid,
             views.near,
-            std::as_const(scratch.mask).span(),
-            std::as_const(scratch.lists.spans).span(),
-            std::as_const(scratch.lists.splats).span(),
-            std::as_const(scratch.splats.shapes).span(),
-            std::as_const(scratch.splats.features).span()};
-}
-
-template <class Device>
-void see_points_on(const FieldSplats<Device>& splats,
-                   const FieldViews& views,
-                   const Buffer<Vec3f, Device>& points,
-                   FieldScratch<Device>& scratch,
-                   Buffer<Sight, Device>& sights) {
-    sights.resize(points.size()), sights.fill_zero();
-    const int count = static_cast<int>(points.size());
-    Progress progress(str("opacity of ", count, " points"), double(views.views.size()));
-    for (const View& view : views.views)
-        with_context(str("opacity in view ", view.name), [&] {
-            const FieldView made = make_view(splats, views, view, scratch);
-            parallel_for(Device{}, count, SeePointBody{made, points.span(), sights.span()});
-            progress.advance();
-        });
+            scratch.mask.span(),
+            scratch.lists.spans.span(),
+            scratch.lists.splats.span(),
+            scratch.splats.shapes.span(),
+            scratch.splats.features.span()};
 }
 
 struct MiddleBody {
@@ -201,7 +184,15 @@ void see_points(const FieldSplats<Device>& splats,
                 const Buffer<Vec3f, Device>& points,
                 Buffer<Sight, Device>& sights) {
     detail::FieldScratch<Device> scratch;
-    detail::see_points_on(splats, views, points, scratch, sights);
+    sights.resize(points.size()), sights.fill_zero();
+    const int count = static_cast<int>(points.size());
+    Progress progress(str("opacity of ", count, " points"), double(views.views.size()));
+    for (const View& view : views.views)
+        with_context(str("opacity in view ", view.name), [&] {
+            const detail::FieldView made = detail::make_view(splats, views, view, scratch);
+            parallel_for(Device{}, count, detail::SeePointBody{made, points.span(), sights.span()});
+            progress.advance();
+        });
 }
 
 template <class Device>
@@ -211,7 +202,6 @@ void find_crossings(const FieldSplats<Device>& splats,
                     Buffer<Vec3f, Device>& free_ends,
                     Buffer<Vec3f, Device>& inside_ends) {
     const int count = static_cast<int>(free_ends.size());
-    detail::FieldScratch<Device> scratch;
     Buffer<Vec3f, Device> middles(free_ends.size());
     Buffer<Sight, Device> sights;
     const auto find_middles = [&] {
@@ -220,7 +210,7 @@ void find_crossings(const FieldSplats<Device>& splats,
     };
     for (int step = 0; step < steps; ++step) {
         find_middles();
-        detail::see_points_on(splats, views, middles, scratch, sights);
+        see_points(splats, views, middles, sights);
         parallel_for(
             Device{}, count,
             detail::HalveBody{middles.span(), sights.span(), free_ends.span(), inside_ends.span()});

@@ -1,11 +1,11 @@
-#include "mesh/tetrahedra/pivots.h"
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
 #include "core/device/morton.h"
+#include "core/math/quantile.h"
 #include "mesh/tetrahedra/delaunay.h"
+#include "mesh/tetrahedra/tetrahedra_steps.h"
 
 namespace tvsgs {
 namespace {
@@ -98,11 +98,7 @@ std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
     std::vector<float> seen;
     for (std::size_t i = 0; i < footprints.size(); ++i)
         if (footprints[i] > 0) seen.push_back(splats.opacities[i]);
-    if (!seen.empty()) {
-        const auto middle = seen.begin() + seen.size() / 2;
-        std::nth_element(seen.begin(), middle, seen.end());
-        min_opacity = std::min(min_opacity, *middle);
-    }
+    if (!seen.empty()) min_opacity = std::min(min_opacity, middle_of(seen));
     Buffer<int, Cpu> order;
     morton_order(splats.means.span(), order);
     std::vector<int> chosen;

@@ -68,7 +68,7 @@ MeshTexture make_texture(const TriangleMesh& mesh,
         *report = {};
         std::vector<char> used(photos.size(), 0);
         for (const Chart& chart : atlas.charts) used[chart.view] = 1;
-        report->views_used = static_cast<int>(std::count(used.begin(), used.end(), 1));
+        report->views_used = static_cast<int>(std::ranges::count(used, 1));
         report->charts = static_cast<int>(atlas.charts.size());
         report->tiles = static_cast<int>(atlas.tiles.size());
         for (const Tile& tile : atlas.tiles) report->unseen += !tile.seen;

@@ -101,7 +101,7 @@ bool fit(const TriangleMesh& mesh, Atlas& atlas, bool flat, double scale, int wi
     for (Chart& chart : atlas.charts) place_chart(scale, chart), rects.push_back(&chart.rect);
     for (Tile& tile : atlas.tiles)
         if (tile.same_as < 0) place_tile(mesh, scale, flat, tile), rects.push_back(&tile.rect);
-    std::stable_sort(rects.begin(), rects.end(), [](const Rect* a, const Rect* b) {
+    std::ranges::stable_sort(rects, [](const Rect* a, const Rect* b) {
         return std::tie(a->height, a->width) > std::tie(b->height, b->width);
     });
     const std::optional<int> height = pack(rects, width, width);
@@ -152,9 +152,9 @@ Atlas lay_out(const Subject& in,
         if (fit(mesh, atlas, flat, 1, side)) return atlas;
     for (double scale = kStep; scale > kMinScale; scale *= kStep)
         if (fit(mesh, atlas, flat, scale, max_side)) return atlas;
-    throw Error(ExitCode::input, str("too many charts for a texture of ", max_side, "x", max_side,
-                                     ": ", atlas.charts.size(), " and ", atlas.tiles.size(),
-                                     " single faces; make a coarser mesh, or pass --texture none"));
+    throw Error(ExitCode::input, "too many charts for a texture of ", max_side, "x", max_side, ": ",
+                atlas.charts.size(), " and ", atlas.tiles.size(),
+                " single faces; make a coarser mesh, or pass --texture none");
 }
 
 }  // namespace tvsgs::texture

@@ -63,7 +63,7 @@ struct Costs {
 };
 
 bool shows(Span<const Candidate> of, int view) {
-    return std::any_of(of.begin(), of.end(), [&](const Candidate& c) { return c.view == view; });
+    return std::ranges::any_of(of, [&](const Candidate& c) { return c.view == view; });
 }
 
 /// Chooses a view for one face after another while the others are fixed.
@@ -155,7 +155,7 @@ bool join_islands(const Subject& in, const Costs& costs, std::vector<int>& views
                 borders.push_back(
                     {parts[face], views[beyond], parts[beyond], costs.edge_length[e]});
         }
-    std::stable_sort(borders.begin(), borders.end(), [](const Border& a, const Border& b) {
+    std::ranges::stable_sort(borders, [](const Border& a, const Border& b) {
         return std::tie(a.part, a.view) < std::tie(b.part, b.view);
     });
     std::vector<std::vector<int>> faces(count);
@@ -176,7 +176,7 @@ bool join_islands(const Subject& in, const Costs& costs, std::vector<int>& views
             for (; end < borders.size() && borders[end].part == part && borders[end].view == view;
                  ++end)
                 length += double{borders[end].length};
-            if (length > longest && std::all_of(faces[part].begin(), faces[part].end(), [&](int f) {
+            if (length > longest && std::ranges::all_of(faces[part], [&](int f) {
                     return shows(in.candidates.of(f), view);
                 }))
                 best = view, longest = length;

@@ -172,8 +172,8 @@ void keep_best(Candidates& candidates) {
         if (of.count <= kMaxCandidates) return;
         std::vector<int> order(of.count);
         for (std::size_t i = 0; i < of.count; ++i) order[i] = static_cast<int>(i);
-        std::stable_sort(order.begin(), order.end(),
-                         [&](int a, int b) { return of[a].quality > of[b].quality; });
+        std::ranges::stable_sort(order,
+                                 [&](int a, int b) { return of[a].quality > of[b].quality; });
         for (std::size_t i = kMaxCandidates; i < of.count; ++i)
             stay[candidates.begin[f] + static_cast<std::size_t>(order[i])] = 0;
     });

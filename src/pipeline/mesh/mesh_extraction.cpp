@@ -7,11 +7,7 @@
 #include "core/log.h"
 #include "core/parse_numbers.h"
 #include "io/files/read_file.h"
-#include "mesh/mend/measured.h"
-#include "mesh/mend/mesh_clean.h"
-#include "mesh/mend/mesh_holes.h"
-#include "mesh/mend/mesh_manifold.h"
-#include "mesh/mend/mesh_smooth.h"
+#include "mesh/mend/mend.h"
 
 namespace tvsgs {
 namespace {

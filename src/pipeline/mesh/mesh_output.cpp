@@ -7,7 +7,7 @@
 #include "core/log.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "mesh/draw/upright.h"
+#include "mesh/draw/mesh_render.h"
 #include "mesh/texture/texture.h"
 #include "pipeline/run/run_folder.h"
 

@@ -1,11 +1,15 @@
-// The vertices of the tetrahedra: points around the splats. docs/method/tetrahedra.md
+// The steps of the tetrahedra mesher: the vertices of the tetrahedra, which are points around the
+// splats, and the surface between points in free space and other points. docs/method/tetrahedra.md
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <vector>
 
-#include "mesh/fuse/contraction_math.h"
+#include "core/math/vec.h"
 #include "mesh/fuse/depth_clean.h"
+#include "mesh/fuse/tsdf_math.h"
+#include "mesh/tetrahedra/delaunay.h"
 #include "mesh/tetrahedra/opacity_field.h"
 
 namespace tvsgs {
@@ -51,5 +55,26 @@ std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
 std::vector<Vec3i> snap_to_grid(const FieldSplats<Cpu>& splats,
                                 const Contraction<double>& contraction,
                                 Pivots& pivots);
+
+/// Side of a point; `unseen`: inside, but only because no view has the point in its image.
+enum class PointSide : std::uint8_t { free, inside, unseen };
+
+struct CrossedEdge {
+    int free_end, inside_end;
+};
+
+struct TetrahedraSurface {
+    std::vector<CrossedEdge> edges;  // one vertex each; of kept faces
+    std::vector<Vec3i> faces;        // of edges, counter-clockwise seen from free space
+    std::int64_t far_faces = 0, unseen_faces = 0;  // omitted faces
+};
+
+/// Extracts the surface; it is a 2-manifold if no face is omitted. Omits faces on an edge that is
+/// longer than the sum of its ends' radii (caps over gaps between splats [GOF]) and faces of
+/// tetrahedra whose inner corners are all unseen. Edges are sorted by their ends.
+TetrahedraSurface marching_tetrahedra(const std::vector<Tetrahedron>& tetrahedra,
+                                      const std::vector<PointSide>& sides,
+                                      const std::vector<Vec3f>& positions,
+                                      const std::vector<float>& radii);
 
 }  // namespace tvsgs
