@@ -199,7 +199,7 @@ TEST(PartPlanning, EveryBlockOnceWithAllItsNeighbours) {
 TEST(SpillFiles, ReadBackAndErrors) {
     const fs::path folder = fs::temp_directory_path() / ("tvsgs_spill_" + std::to_string(getpid()));
     {
-        SpillFile file((folder / "deep").string());
+        detail::SpillFile file((folder / "deep").string());
         const std::vector<int> a{1, 2, 3}, b{4};
         const auto place_a = file.append(a.data(), 3), place_b = file.append(b.data(), 1);
         std::vector<int> back;
@@ -212,7 +212,7 @@ TEST(SpillFiles, ReadBackAndErrors) {
         EXPECT_THROW(file.read({12, 2}, back), Error) << "beyond the end";
     }
     fs::remove_all(folder);
-    EXPECT_THROW(SpillFile("/proc/nowhere"), Error);
+    EXPECT_THROW(detail::SpillFile("/proc/nowhere"), Error);
 }
 
 }  // namespace
