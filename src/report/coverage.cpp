@@ -91,16 +91,15 @@ public:
         JsonValue views = JsonValue::list();
         int cells = 0, lone = 0;
         for (std::size_t v = 0; v < train_.size(); ++v) {
-            cells += cells_[v], lone += single_view_cells(v);
+            cells += cells_[v], lone += halves_[v][4];
             views.items.push_back(view_json(v));
         }
         if (cells == 0) return {};
-        JsonValue json = JsonValue::object();
-        json.set("two", 1 - static_cast<double>(lone) / cells);
-        json.set("views", std::move(views));
-        json.set("gap", gap_json());
-        json.set("test", test_json());
-        return json;
+        return JsonValue()
+            .add("two", 1 - static_cast<double>(lone) / cells)
+            .add("views", std::move(views))
+            .add("gap", gap_json())
+            .add("test", test_json());
     }
 
 private:
@@ -108,7 +107,6 @@ private:
     double shared(std::size_t a, std::size_t b) {
         return cells_[a] > 0 ? static_cast<double>(pair(a, b).shared) / cells_[a] : 0;
     }
-    int single_view_cells(std::size_t v) const { return halves_[v][4]; }
 
     void compare_pairs() {
         const std::size_t n = train_.size();
@@ -142,20 +140,18 @@ private:
     }
 
     JsonValue view_json(std::size_t v) {
-        JsonValue json = JsonValue::object();
-        const int lone = single_view_cells(v);
-        json.set("name", train_[v]->name);
-        json.set("lone", cells_[v] > 0 ? static_cast<double>(lone) / cells_[v] : 1.0);
+        const int lone = halves_[v][4];
         const auto most = std::max_element(halves_[v].begin(), halves_[v].begin() + 4);
         static constexpr std::array<const char*, 4> kSides{"left", "right", "upper", "lower"};
         const auto side = static_cast<std::size_t>(most - halves_[v].begin());
-        json.set("side", lone > 0 && *most >= kOneSide * lone ? kSides[side] : "");
+        JsonValue json;
+        json.add("name", train_[v]->name)
+            .add("lone", cells_[v] > 0 ? static_cast<double>(lone) / cells_[v] : 1.0)
+            .add("side", lone > 0 && *most >= kOneSide * lone ? kSides[side] : "");
         std::size_t best = v;
         for (std::size_t w = 0; w < train_.size(); ++w)
             if (w != v && (best == v || shared(v, w) > shared(v, best))) best = w;
-        if (best == v) return json;
-        json.set("partner", train_[best]->name);
-        json.set("shared", shared(v, best));
+        if (best != v) json.add("partner", train_[best]->name).add("shared", shared(v, best));
         return json;
     }
 
@@ -188,12 +184,11 @@ private:
                 if (!joined[v] && cost(next, v) < cost(from[v], v)) from[v] = next;
         }
         if (a == b) return {};
-        JsonValue json = JsonValue::object();
-        json.set("a", train_[std::min(a, b)]->name);
-        json.set("b", train_[std::max(a, b)]->name);
-        json.set("angle_deg", angle(a, b));
-        json.set("shared", least(a, b));
-        return json;
+        return JsonValue()
+            .add("a", train_[std::min(a, b)]->name)
+            .add("b", train_[std::max(a, b)]->name)
+            .add("angle_deg", angle(a, b))
+            .add("shared", least(a, b));
     }
 
     JsonValue test_json() const {
@@ -212,11 +207,10 @@ private:
                 if (const double a = angle_deg(middle, at, camera_centre(train->camera)); a < best)
                     best = a, nearest = train;
             if (nearest == nullptr) continue;
-            JsonValue json = JsonValue::object();
-            json.set("name", test->name);
-            json.set("nearest", nearest->name);
-            json.set("angle_deg", best);
-            list.items.push_back(std::move(json));
+            list.items.push_back(JsonValue()
+                                     .add("name", test->name)
+                                     .add("nearest", nearest->name)
+                                     .add("angle_deg", best));
         }
         return list;
     }

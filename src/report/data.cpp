@@ -27,30 +27,24 @@ constexpr std::uintmax_t kMaxResult = 4 << 20;  // bytes of a file in RUN/eval
 constexpr std::size_t kViewBytes = 12'000'000;  // of the 3D view, so that the page opens at once
 constexpr std::size_t kViewFacesHere = 100'000;
 
-bool exists(const std::string& path) {
-    std::error_code code;
-    return fs::is_regular_file(path, code);
-}
-
 JsonValue read_json(const std::string& path) {
     return parse_json_value(read_bytes(path), path);
 }
 
 /// One list per column: shorter than an object per line, and ready for plots.
 JsonValue columns(const std::vector<const JsonValue*>& reports) {
-    JsonValue table = JsonValue::object();
+    JsonValue table;
     const auto column = [&](auto&& value_of) {
         JsonValue list = JsonValue::list();
         for (const JsonValue* line : reports) list.items.push_back(value_of(*line));
         return list;
     };
     for (const char* key : {"iteration", "seconds", "loss", "gaussians", "bytes", "peak_bytes"})
-        table.set(key, column([&](const JsonValue& line) { return line[key]; }));
+        table.add(key, column([&](const JsonValue& line) { return line[key]; }));
     JsonValue terms = JsonValue::object();
     for (const auto& [name, value] : (*reports.back())["terms"].members)
         terms.set(name, column([&](const JsonValue& line) { return line["terms"][name]; }));
-    table.set("terms", std::move(terms));
-    return table;
+    return table.add("terms", std::move(terms));
 }
 
 void add_log(JsonValue& report, const std::vector<JsonValue>& lines) {
@@ -126,7 +120,7 @@ JsonValue pictures(const std::string& run,
                    const std::vector<View>& photographs) {
     std::vector<const JsonValue*> order;
     for (const JsonValue& view : views.items)
-        if (exists(render_stem(run, view["name"].text) + ".png")) order.push_back(&view);
+        if (is_file(render_stem(run, view["name"].text) + ".png")) order.push_back(&view);
     std::stable_sort(order.begin(), order.end(), [](const JsonValue* a, const JsonValue* b) {
         return (*a)["psnr"].number_or(INFINITY) < (*b)["psnr"].number_or(INFINITY);
     });
@@ -138,10 +132,8 @@ JsonValue pictures(const std::string& run,
         const JsonValue& view = *order[count < 2 ? 0 : i * (n - 1) / (count - 1)];
         const std::string name = view["name"].text, stem = render_stem(run, name);
         const ImageU8 render = read_image(stem + ".png", 3);
-        JsonValue entry = JsonValue::object();
-        entry.set("name", name);
-        entry.set("psnr", view["psnr"]);
-        entry.set("ssim", view["ssim"]);
+        JsonValue entry;
+        entry.add("name", name).add("psnr", view["psnr"]).add("ssim", view["ssim"]);
         for (const View& photograph : photographs) {
             const ImageU8& photo = photograph.photo;
             if (photograph.name != name || photo.width != render.width ||
@@ -153,7 +145,7 @@ JsonValue pictures(const std::string& run,
         entry.set("render", picture_json(render, kPictureWidth));
         for (const char* kind : {"normal", "depth"}) {
             const std::string path = str(stem, "_", kind, ".png");
-            if (exists(path)) entry.set(kind, picture_json(read_image(path, 3), kPictureWidth));
+            if (is_file(path)) entry.set(kind, picture_json(read_image(path, 3), kPictureWidth));
         }
         list.items[i] = std::move(entry);
     });
@@ -178,9 +170,7 @@ public:
         part("pictures",
              [&] { report_.set("pictures", pictures(run_, report_["views"], scene_.test)); });
         part("the view in 3D", [&] { add_view(); });
-        JsonValue list = JsonValue::list();
-        for (const std::string& what : missing_) list.items.push_back(what);
-        if (!missing_.empty()) report_.set("missing", std::move(list));
+        if (!missing_.empty()) report_.set("missing", missing_);
         return std::move(report_);
     }
 
@@ -214,7 +204,7 @@ private:
     void add_decisions() {
         const std::string plan = run_ + "/plan.json", memory = run_ + "/memory.json";
         part("the plan", [&] {
-            if (!exists(plan)) return;
+            if (!is_file(plan)) return;
             const JsonValue decisions = read_json(plan)["decisions"];
             if (!decisions.is(JsonValue::Kind::list))
                 throw input_error(plan, ": no decisions; expected the file of tvsgs-train");
@@ -236,11 +226,7 @@ private:
                                             [](const ViewCamera& c) { return !c.test; });
         report_.set("training_views", training);
         ViewRun& run = subject.runs.front();
-        if (run.mesh_faces > 0) {
-            JsonValue mesh = JsonValue::object();
-            mesh.set("faces", run.mesh_faces);
-            report_.set("mesh", std::move(mesh));
-        }
+        if (run.mesh_faces > 0) report_.set("mesh", JsonValue().add("faces", run.mesh_faces));
         if (static_cast<std::size_t>(training) > kMaxCoverageViews)
             missing_.push_back(str("coverage: measured for at most ", kMaxCoverageViews,
                                    " training views, this run has ", training));

@@ -65,60 +65,43 @@ std::string plot_figure(const Plot& plot, const std::string& id, const std::stri
 }
 
 std::vector<Plot> plots_over_time(const JsonValue& evaluations) {
-    const std::vector<JsonValue>& list = evaluations.items;
-    if (list.size() < 2) return {};
-    /// One number per evaluation, selected by `find`.
-    const auto of_each = [&](auto&& find) {
-        std::vector<double> values;
-        for (const JsonValue& item : list) {
-            const JsonValue& found = find(item);
-            values.push_back(found.number_or(std::nan("")));
+    if (evaluations.items.size() < 2) return {};
+    const auto series = [&](const std::string& name, const auto& value_of) {
+        Series out{.name = name, .marks = true};
+        for (const JsonValue& evaluation : evaluations.items) {
+            out.x.push_back(evaluation["seconds"].number_or(std::nan("")));
+            out.y.push_back(value_of(evaluation).number_or(std::nan("")));
         }
-        return values;
-    };
-    const std::vector<double> seconds =
-        of_each([](const JsonValue& e) -> const JsonValue& { return e["seconds"]; });
-    const auto series = [&](const std::string& name, auto&& find) {
-        return Series{name, seconds, of_each(find), {}, {}, true};
+        return out;
     };
     std::vector<Plot> plots;
     for (const char* what : {"mesh", "centres"}) {
-        const auto distance = [&](const char* name, const char* key) {
-            return series(name,
-                          [=](const JsonValue& e) -> const JsonValue& { return e[what][key]; });
-        };
-        plots.push_back({str("Distance of the ", what, " to the truth"),
-                         "seconds",
-                         "scene units",
-                         true,
-                         true,
-                         false,
-                         {distance("Chamfer", "chamfer"), distance("accuracy", "accuracy"),
-                          distance("completeness", "completeness")},
-                         ""});
-        Plot f1{str("F1 of the ", what), "seconds", "share", true, false, true, {}, ""};
-        const auto& thresholds = list.back()[what]["thresholds"].items;
+        Plot distance{str("Distance of the ", what, " to the truth"), "seconds", "scene units",
+                      /*log_x=*/true, /*log_y=*/true};
+        for (const auto& [name, key] : {std::pair("Chamfer", "chamfer"),
+                                        {"accuracy", "accuracy"},
+                                        {"completeness", "completeness"}})
+            distance.series.push_back(
+                series(name, [what, k = key](const JsonValue& e) { return e[what][k]; }));
+        plots.push_back(std::move(distance));
+        Plot f1{str("F1 of the ", what), "seconds", "share", true, false, /*y_from_zero=*/true};
+        const auto& thresholds = evaluations.items.back()[what]["thresholds"].items;
         for (std::size_t t = 0; t < thresholds.size(); ++t)
             f1.series.push_back(series("at " + short_number(thresholds[t]["tau"].number),
-                                       [=](const JsonValue& e) -> const JsonValue& {
-                                           static const JsonValue none;
+                                       [what, t](const JsonValue& e) {
                                            const auto& items = e[what]["thresholds"].items;
-                                           return t < items.size() ? items[t]["f1"] : none;
+                                           return t < items.size() ? items[t]["f1"] : JsonValue();
                                        }));
         plots.push_back(std::move(f1));
     }
     for (const auto& [title, unit, key] :
          {std::tuple("PSNR of the test views", "dB", "psnr"),
           std::tuple("SSIM of the test views", "1 is equal", "ssim")})
-        plots.push_back(
-            {title,
-             "seconds",
-             unit,
-             true,
-             false,
-             false,
-             {series(key, [k = key](const JsonValue& e) -> const JsonValue& { return e[k]; })},
-             ""});
+        plots.push_back({.title = title,
+                         .x_label = "seconds",
+                         .y_label = unit,
+                         .log_x = true,
+                         .series = {series(key, [k = key](const JsonValue& e) { return e[k]; })}});
     return plots;
 }
 

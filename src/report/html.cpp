@@ -165,10 +165,10 @@ private:
         if (reports["iteration"].items.size() < 2) return;
         heading("losses", "Loss");
         const std::vector<double> iterations = numbers(reports["iteration"]);
-        Plot plot{"Terms of the loss", "iterations", "weighted value", false, true, false, {}, ""};
-        plot.series.push_back({"total", iterations, numbers(reports["loss"]), {}, {}, false});
+        Plot plot{"Terms of the loss", "iterations", "weighted value", false, /*log_y=*/true};
+        plot.series.push_back({"total", iterations, numbers(reports["loss"])});
         for (const auto& [name, values] : reports["terms"].members) {
-            Series term{name, iterations, numbers(values), {}, {}, false};
+            Series term{name, iterations, numbers(values)};
             if (std::any_of(term.y.begin(), term.y.end(), [](double v) { return v > 0; }))
                 plot.series.push_back(std::move(term));
         }
@@ -186,25 +186,13 @@ private:
             for (double& v : values) v /= 1 << 20;
             return values;
         };
-        body_ += "<div class=\"plots\">\n";
-        body_ += figure({"Splats",
-                         "seconds",
-                         "count",
-                         false,
-                         false,
-                         true,
-                         {{"splats", seconds, numbers(reports["gaussians"]), {}, {}, false}},
-                         ""});
-        body_ += figure({"Memory",
-                         "seconds",
-                         "MiB of buffers",
-                         false,
-                         false,
-                         true,
-                         {{"in use", seconds, mebibytes("bytes"), {}, {}, false},
-                          {"peak so far", seconds, mebibytes("peak_bytes"), {}, {}, false}},
-                         ""});
-        body_ += "</div>\n";
+        Plot splats{"Splats", "seconds", "count"}, memory{"Memory", "seconds", "MiB of buffers"};
+        splats.y_from_zero = memory.y_from_zero = true;
+        splats.series = {{"splats", seconds, numbers(reports["gaussians"])}};
+        memory.series = {{"in use", seconds, mebibytes("bytes")},
+                         {"peak so far", seconds, mebibytes("peak_bytes")}};
+        body_ += "<div class=\"plots\">\n" + figure(splats);
+        body_ += figure(memory) + "</div>\n";
     }
 
     std::string bar_figure(const Bars& bars, const std::string& head) {
@@ -246,15 +234,11 @@ private:
             const JsonValue& curve = report_[key];
             if (curve["tau"].items.size() < 2) continue;
             const std::vector<double> tau = numbers(curve["tau"]);
-            plots += figure({str("Precision and recall of the ", what),
-                             "threshold",
-                             "share",
-                             false,
-                             false,
-                             true,
-                             {{"precision", tau, numbers(curve["precision"]), {}, {}, false},
-                              {"recall", tau, numbers(curve["recall"]), {}, {}, false}},
-                             ""});
+            Plot plot{str("Precision and recall of the ", what), "threshold", "share"};
+            plot.y_from_zero = true;
+            plot.series = {{"precision", tau, numbers(curve["precision"])},
+                           {"recall", tau, numbers(curve["recall"])}};
+            plots += figure(plot);
         }
         if (plots.empty()) return;
         heading("curves", "Precision and recall");

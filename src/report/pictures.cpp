@@ -45,12 +45,11 @@ JsonValue picture_json(const ImageU8& image, int width) {
     const int w = std::min(width, image.width);
     const int h = std::max(
         1, static_cast<int>(std::lround(static_cast<double>(image.height) * w / image.width)));
-    JsonValue json = JsonValue::object();
-    json.set("src",
-             "data:image/jpeg;base64," + base64(jpeg_bytes(resize_bicubic(image, w, h), 85)));
-    json.set("width", w);
-    json.set("height", h);
-    return json;
+    const std::string jpeg = jpeg_bytes(resize_bicubic(image, w, h), 85);
+    return JsonValue()
+        .add("src", "data:image/jpeg;base64," + base64(jpeg))
+        .add("width", w)
+        .add("height", h);
 }
 
 Rgb error_shade(double share) {

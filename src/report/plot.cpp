@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "core/error.h"
+#include "core/log.h"
 #include "core/version.h"
 
 namespace tvsgs {
@@ -22,9 +22,7 @@ std::string class_of(std::size_t series) {
 }
 
 std::string fixed(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.1f", value);
-    return text;
+    return fmt::format("{:.1f}", value);
 }
 
 struct Tick {
@@ -33,15 +31,10 @@ struct Tick {
 };
 
 std::string tick_label(double value) {
-    char text[32];
     const double size = std::abs(value);
-    if (size >= 1e6)
-        std::snprintf(text, sizeof text, "%gM", value / 1e6);
-    else if (size >= 1e4)
-        std::snprintf(text, sizeof text, "%gk", value / 1e3);
-    else
-        std::snprintf(text, sizeof text, "%g", value);
-    return text;
+    return size >= 1e6   ? fmt::format("{:g}M", value / 1e6)
+           : size >= 1e4 ? fmt::format("{:g}k", value / 1e3)
+                         : fmt::format("{:g}", value);
 }
 
 /// About five steps of 1, 2 or 5 times a power of ten.
@@ -141,16 +134,10 @@ Frame make_frame(const Plot& plot) {
 std::string mark(const std::string& point, std::size_t kind) {
     const std::size_t comma = point.find(',');
     const std::string x = point.substr(0, comma), y = point.substr(comma + 1);
-    switch (kind % 4) {
-        case 0:
-            return str("<circle cx=\"", x, "\" cy=\"", y, "\" r=\"3.5\"/>");
-        case 1:
-            return str("<path d=\"M", x, " ", y, "m-3.5-3.5h7v7h-7z\"/>");
-        case 2:
-            return str("<path d=\"M", x, " ", y, "m0-4.5l4.5 8h-9z\"/>");
-        default:
-            return str("<path d=\"M", x, " ", y, "m0-4.5l4.5 4.5l-4.5 4.5l-4.5-4.5z\"/>");
-    }
+    if (kind % 4 == 0) return str("<circle cx=\"", x, "\" cy=\"", y, "\" r=\"3.5\"/>");
+    constexpr const char* kPaths[] = {"m-3.5-3.5h7v7h-7z", "m0-4.5l4.5 8h-9z",
+                                      "m0-4.5l4.5 4.5l-4.5 4.5l-4.5-4.5z"};
+    return str("<path d=\"M", x, " ", y, kPaths[kind % 4 - 1], "\"/>");
 }
 
 std::string series_svg(const Series& s, const Frame& frame, std::size_t index) {
@@ -325,43 +312,24 @@ std::string standalone_svg(std::string svg) {
 
 std::string escaped(const std::string& text) {
     std::string out;
-    for (const char c : text) switch (c) {
-            case '&':
-                out += "&amp;";
-                break;
-            case '<':
-                out += "&lt;";
-                break;
-            case '>':
-                out += "&gt;";
-                break;
-            case '"':
-                out += "&quot;";
-                break;
-            case '\'':
-                out += "&#39;";
-                break;
-            case '\t':
-            case '\n':
-                out += ' ';
-                break;
-            default:
-                if (static_cast<unsigned char>(c) < 32 || c == 127)
-                    out += "\uFFFD";
-                else
-                    out += c;
-        }
+    for (const char c : text) {
+        const bool control = static_cast<unsigned char>(c) < 32 || c == 127;
+        out += c == '&'                 ? "&amp;"
+               : c == '<'               ? "&lt;"
+               : c == '>'               ? "&gt;"
+               : c == '"'               ? "&quot;"
+               : c == '\''              ? "&#39;"
+               : c == '\t' || c == '\n' ? " "
+               : control                ? "\uFFFD"
+                                        : std::string(1, c);
+    }
     return out;
 }
 
 std::string short_number(double value, int digits) {
     if (!std::isfinite(value)) return "\u2013";
-    char text[48];
-    if (std::abs(value) >= 1e4 && std::abs(value) < 1e15)
-        std::snprintf(text, sizeof text, "%.0f", value);
-    else
-        std::snprintf(text, sizeof text, "%.*g", digits, value);
-    return text;
+    const bool whole = std::abs(value) >= 1e4 && std::abs(value) < 1e15;
+    return whole ? fmt::format("{:.0f}", value) : fmt::format("{:.{}g}", value, digits);
 }
 
 }  // namespace tvsgs

@@ -9,17 +9,16 @@ namespace tvsgs {
 
 struct Series {
     std::string name;
-    std::vector<double> x, y;
-    std::vector<double> low, high;  // a band around y; may be empty
-    bool marks = false;             // a mark at each point
+    std::vector<double> x{}, y{};
+    std::vector<double> low{}, high{};  // a band around y; may be empty
+    bool marks = false;                 // a mark at each point
 };
 
 struct Plot {
     std::string title, x_label, y_label;
-    bool log_x = false, log_y = false;
-    bool y_from_zero = false;
-    std::vector<Series> series;
-    std::string note;  // text for screen readers
+    bool log_x = false, log_y = false, y_from_zero = false;
+    std::vector<Series> series{};
+    std::string note{};  // text for screen readers
 };
 
 /// Leaves out values that are not finite, or not positive on a logarithmic axis; an axis without

@@ -292,7 +292,7 @@ Trace trace_of(const JsonValue& report, const Quality& quality, double threshold
 }
 
 Series overlay(const std::string& name, const std::vector<Trace>& seeds) {
-    Series series{name, seeds.front().seconds, {}, {}, {}, true};
+    Series series{.name = name, .x = seeds.front().seconds, .marks = true};
     for (const double t : series.x) {
         double sum = 0, low = INFINITY, high = -INFINITY;
         for (const Trace& seed : seeds) {
@@ -399,14 +399,8 @@ bool overlay_plot(const std::vector<TableRun>& runs,
                   double threshold,
                   OverlayPlot& out) {
     const std::string at = threshold > 0 ? short_number(threshold) : "";
-    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene),
-              "seconds",
-              quality.unit,
-              true,
-              quality.log_y,
-              false,
-              {},
-              ""};
+    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene), "seconds",
+              quality.unit, /*log_x=*/true, quality.log_y};
     bool over_time = false;
     for (const std::string& configuration : configurations_of(runs)) {
         std::vector<Trace> seeds;

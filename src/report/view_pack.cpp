@@ -122,15 +122,15 @@ PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& 
     for (const std::uint8_t level : errors) put(level, 1);
     for (const Vec3i face : mesh.faces)
         for (int c = 0; c < 3; ++c) put(static_cast<std::uint32_t>(face[c]), 4);
-    PackedMesh packed{JsonValue::object(), deflated(bytes)};
     const auto list = [](Vec3f v) { return JsonValue(std::vector<double>{v.x, v.y, v.z}); };
-    packed.about.set("vertices", mesh.vertices.size());
-    packed.about.set("faces", mesh.faces.size());
-    packed.about.set("low", list(low));
-    packed.about.set("high", list(high));
-    packed.about.set("colors", mesh.colors.empty() ? 0.0 : 1.0);
-    packed.about.set("errors", errors.empty() ? 0.0 : 1.0);
-    return packed;
+    JsonValue about;
+    about.add("vertices", mesh.vertices.size())
+        .add("faces", mesh.faces.size())
+        .add("low", list(low))
+        .add("high", list(high))
+        .add("colors", mesh.colors.empty() ? 0.0 : 1.0)
+        .add("errors", errors.empty() ? 0.0 : 1.0);
+    return {std::move(about), deflated(bytes)};
 }
 
 std::vector<std::uint8_t> error_levels(Span<const Vec3f> points, const Truth& truth, double full) {

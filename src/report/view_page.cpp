@@ -41,13 +41,13 @@ std::string filled(const std::string& text, const std::map<std::string, std::str
     return out;
 }
 
-ImageU8 at_most(const ImageU8& image, int side) {
-    const double scale =
-        std::min(1.0, static_cast<double>(side) / std::max(image.width, image.height));
+/// Width and height with a longer side of at most `side`.
+std::pair<int, int> at_most(int width, int height, int side) {
+    const double scale = std::min(1.0, static_cast<double>(side) / std::max(width, height));
     const auto scaled = [&](int n) {
         return std::max(1, static_cast<int>(std::lround(n * scale)));
     };
-    return scale < 1 ? resize_bicubic(image, scaled(image.width), scaled(image.height)) : image;
+    return {scaled(width), scaled(height)};
 }
 
 std::string jpeg_source(const std::string& bytes) {
@@ -66,7 +66,9 @@ std::vector<std::string> photographs(const std::vector<ViewCamera>& cameras, int
         parallel_for_throwing(static_cast<int>(kept), [&](int index) {
             const auto k = static_cast<std::size_t>(index);
             const std::size_t i = with[kept < 2 ? 0 : k * (n - 1) / (kept - 1)];
-            jpegs[i] = jpeg_bytes(at_most(cameras[i].photo, side), 80);
+            const ImageU8& photo = cameras[i].photo;
+            const auto [width, height] = at_most(photo.width, photo.height, side);
+            jpegs[i] = jpeg_bytes(resize_bicubic(photo, width, height), 80);
         });
         std::size_t bytes = 0;
         for (const std::string& jpeg : jpegs) bytes += jpeg.size();
@@ -105,40 +107,32 @@ JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<V
     }
     if (!(focus.radius > 1e-6 * norm(focus.point)) || !(focus.radius > 0)) focus.radius = 1;
     const Vec3d p = focus.point, u = up / norm(up);
-    JsonValue scene = JsonValue::object();
-    scene.set("middle", list_of(p));
-    scene.set("radius", focus.radius);
-    scene.set("up", list_of(u));
-    return scene;
+    return JsonValue().add("middle", list_of(p)).add("radius", focus.radius).add("up", list_of(u));
 }
 
 JsonValue camera_json(const ViewCamera& c, bool has_photo) {
     const Mat3<double> R = mat_cast<double>(c.camera.camera_from_world.R);
     const Vec3d centre = -transpose_times(R, vec_cast<double>(c.camera.camera_from_world.t));
-    JsonValue camera = JsonValue::object(), rows = JsonValue::list();
+    JsonValue rows = JsonValue::list();
     for (int r = 0; r < 3; ++r) rows.items.push_back(list_of({R[r][0], R[r][1], R[r][2]}));
-    camera.set("name", c.name);
-    camera.set("test", c.test ? 1.0 : 0.0);
-    camera.set("photo", has_photo ? 1.0 : 0.0);
-    camera.set("rows", std::move(rows));
-    camera.set("centre", list_of(centre));
-    for (const auto& [key, value] :
-         {std::pair("fx", c.camera.fx_px), std::pair("fy", c.camera.fy_px),
-          std::pair("cx", c.camera.cx_px), std::pair("cy", c.camera.cy_px)})
-        camera.set(key, value);
-    camera.set("width", c.camera.width_px);
-    camera.set("height", c.camera.height_px);
-    return camera;
+    return JsonValue()
+        .add("name", c.name)
+        .add("test", c.test ? 1.0 : 0.0)
+        .add("photo", has_photo ? 1.0 : 0.0)
+        .add("rows", std::move(rows))
+        .add("centre", list_of(centre))
+        .add("fx", c.camera.fx_px)
+        .add("fy", c.camera.fy_px)
+        .add("cx", c.camera.cx_px)
+        .add("cy", c.camera.cy_px)
+        .add("width", c.camera.width_px)
+        .add("height", c.camera.height_px);
 }
 
 /// Picture that replaces the view in browsers without WebGL, and until the view has loaded.
 ImageU8 poster(Backbone<Cpu>& backbone, const Gaussians<Cpu>& splats, const Camera& camera) {
-    const double scale = std::min(
-        1.0, static_cast<double>(kPosterSide) / std::max(camera.width_px, camera.height_px));
-    const auto scaled = [&](int n) {
-        return std::max(1, static_cast<int>(std::lround(n * scale)));
-    };
-    const Camera small = scaled_camera(camera, scaled(camera.width_px), scaled(camera.height_px));
+    const auto [width, height] = at_most(camera.width_px, camera.height_px, kPosterSide);
+    const Camera small = scaled_camera(camera, width, height);
     if (splats.size() == 0) return ImageU8(small.width_px, small.height_px, 3);
     const auto& images = backbone.forward(splats, small, splats.sh_degree, Maps::color);
     return color_image(images.width, images.height, to_host(images.color));
@@ -202,26 +196,24 @@ private:
             note(str("Photographs: ", shown, " of ", there, ", evenly spaced."));
         else if (shown == 0)
             note("This page has no photographs.");
-        about_.set("cameras", std::move(list));
-        about_.set("start", start());
-        about_.set("scene", scene_json(cameras_, runs_));
-        cameras_html_ =
-            str("<h2 id=\"cameras\">Cameras</h2>\n<ul "
-                "class=\"cameras\">\n",
-                items, "</ul>\n<p><span class=\"legend\"></span>training",
-                any_test ? " <span class=\"legend test\"></span>test" : "",
-                " <span class=\"legend chosen\"></span>chosen</p>\n");
+        about_.add("cameras", std::move(list))
+            .add("start", start())
+            .add("scene", scene_json(cameras_, runs_));
+        cameras_html_ = str("<h2 id=\"cameras\">Cameras</h2>\n<ul class=\"cameras\">\n", items,
+                            "</ul>\n<p><span class=\"legend\"></span>training",
+                            any_test ? " <span class=\"legend test\"></span>test" : "",
+                            " <span class=\"legend chosen\"></span>chosen</p>\n");
     }
 
     void add_mesh(std::size_t i) {
         ViewRun& run = runs_[i];
-        JsonValue about = JsonValue::object();
+        JsonValue about;
         if (!run.mesh.faces.empty()) {
             std::vector<std::uint8_t> errors;
             const std::vector<Vec3f>& v = run.mesh.vertices;
             if (run.truth) errors = error_levels({v.data(), v.size()}, *run.truth, full_);
             PackedMesh packed = pack_mesh(run.mesh, errors);
-            about.set("mesh", std::move(packed.about));
+            about.add("mesh", std::move(packed.about));
             data_ += hold("mesh", i, base64(packed.data));
             if (run.mesh.faces.size() < run.mesh_faces)
                 note(str(run.name, ": mesh simplified from ", grouped(run.mesh_faces), " to ",
@@ -245,13 +237,13 @@ private:
         if (count > 0 && packed.shown.sh_degree < packed.of_degree)
             note(str(run.name, ": SH degree ", packed.shown.sh_degree, " instead of ",
                      packed.of_degree, ", to limit the page size (--megabytes)."));
-        about.set("name", run.name);
-        about.set("splats", count);
-        about.set("discs", backbone->traits.flat ? 1.0 : 0.0);
-        about.set("near", run.train.render.near);
-        about.set("low_pass", backbone->traits.low_pass_px2);
-        about.set("least_alpha", kMinAlpha);
-        about.set("truth", run.truth ? 1.0 : 0.0);
+        about.add("name", run.name)
+            .add("splats", count)
+            .add("discs", backbone->traits.flat ? 1.0 : 0.0)
+            .add("near", run.train.render.near)
+            .add("low_pass", backbone->traits.low_pass_px2)
+            .add("least_alpha", kMinAlpha)
+            .add("truth", run.truth ? 1.0 : 0.0);
         if (count > 0) {
             data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
             if (run.truth) {
@@ -328,10 +320,8 @@ private:
     }
 
     std::string html() {
-        JsonValue runs = JsonValue::list();
         std::string title, summary;
         for (std::size_t i = 0; i < runs_.size(); ++i) {
-            runs.items.push_back(abouts_[i]);
             title += (i ? " beside " : "") + runs_[i].name;
             summary += str(i ? "; " : "", rows_[i][1], " splats", runs_.size() > 1 ? " of " : "",
                            runs_.size() > 1 ? runs_[i].name : "");
@@ -342,11 +332,11 @@ private:
             for (const std::uint8_t channel : {c.r, c.g, c.b})
                 palette += static_cast<char>(channel);
         }
-        about_.set("origin", list_of(options_.origin));
-        about_.set("unit", options_.metres ? "metres" : "units");
-        about_.set("follow", options_.follow ? 1.0 : 0.0);
-        about_.set("runs", std::move(runs));
-        about_.set("palette", base64(palette));
+        about_.add("origin", list_of(options_.origin))
+            .add("unit", options_.metres ? "metres" : "units")
+            .add("follow", options_.follow ? 1.0 : 0.0)
+            .add("runs", abouts_)
+            .add("palette", base64(palette));
         std::string notes;
         for (const std::string& text : notes_)
             notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
@@ -382,7 +372,7 @@ private:
     std::vector<ViewRun> runs_;
     const std::vector<ViewCamera>& cameras_;
     const ViewPageOptions& options_;
-    JsonValue about_ = JsonValue::object();
+    JsonValue about_;
     std::vector<JsonValue> abouts_;  // of the runs
     std::vector<std::vector<std::string>> rows_;
     std::string poster_, panes_, overlays_, cameras_html_, parts_, data_;

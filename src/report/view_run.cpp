@@ -19,11 +19,6 @@ constexpr std::size_t kFewPhotos = 12;  // from a scene that was loaded for anot
 
 namespace fs = std::filesystem;
 
-bool exists(const std::string& path) {
-    std::error_code code;
-    return fs::is_regular_file(path, code);
-}
-
 RunOptions options_of(const std::string& run) {
     RunOptions options;
     OptionTable table;
@@ -126,7 +121,7 @@ EvaluationOptions truth_options(const EvaluationOptions& of_run, const std::stri
     EvaluationOptions options = of_run;
     for (const char* name : {"geometry", "geometry_centres"}) {
         const std::string path = str(run, "/eval/", name, ".json");
-        if (!exists(path) || !options.gt.empty()) continue;
+        if (!is_file(path) || !options.gt.empty()) continue;
         const JsonValue inputs = parse_json_value(read_bytes(path), path)["inputs"];
         options.gt = inputs["gt"].text, options.crop = inputs["crop"].text;
     }
@@ -183,7 +178,7 @@ ViewRun read_run(const std::string& path,
         "plots",
         [&] {
             const std::string report = path + "/report.json";
-            if (exists(report))
+            if (is_file(report))
                 run.evaluations = parse_json_value(read_bytes(report), report)["evaluations"];
         },
         input.whole, missing);
@@ -194,8 +189,8 @@ ViewRun read_run(const std::string& path,
 
 bool in_metres(const std::string& run, const std::string& scene) {
     const std::string prepared = scene + "/prepare.json";
-    return exists(run + "/georeference.json") || exists(scene + "/georeference.json") ||
-           (exists(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
+    return is_file(run + "/georeference.json") || is_file(scene + "/georeference.json") ||
+           (is_file(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
 }
 
 ViewSubject read_view_subject(const ViewInput& input) {
