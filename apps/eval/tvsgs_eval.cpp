@@ -9,7 +9,7 @@
 #include "apps/eval/subcommands.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
-#include "report/run_report.h"
+#include "report/data.h"
 
 namespace tvsgs {
 namespace {

@@ -21,8 +21,8 @@
 #include "io/scene/scene_layout.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
-#include "report/verdict.h"
-#include "report/view_run.h"
+#include "report/report_parts.h"
+#include "report/view_page.h"
 
 namespace tvsgs {
 namespace {

@@ -1,7 +1,7 @@
 // Serves the page of a run to browsers on this machine, also during a training.
 #pragma once
 
-#include "report/view_run.h"
+#include "report/view_page.h"
 
 namespace tvsgs {
 

@@ -6,7 +6,7 @@
 #include "apps/view/server.h"
 #include "io/files/atomic_file.h"
 #include "pipeline/run/run_folder.h"
-#include "report/view_run.h"
+#include "report/view_page.h"
 
 namespace tvsgs {
 namespace {

@@ -1,10 +1,9 @@
-#include "report/coverage.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "core/math/sigmoid.h"
+#include "report/report_parts.h"
 
 namespace tvsgs {
 namespace {

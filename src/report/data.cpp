@@ -10,10 +10,10 @@
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
-#include "report/coverage.h"
-#include "report/html.h"
+#include "pipeline/run/run_options.h"
 #include "report/pictures.h"
-#include "report/view_run.h"
+#include "report/report_parts.h"
+#include "report/view_page.h"
 
 namespace tvsgs {
 namespace {
@@ -187,14 +187,8 @@ private:
         report_.set("format", "tvsgs-report");
         report_.set("format_version", 2);
         JsonValue about = config["info"];
-        const auto name_of = [](const std::string& path) {
-            fs::path clean = fs::path(path).lexically_normal();
-            if (clean.filename().empty()) clean = clean.parent_path();
-            return clean.filename().string();
-        };
-        std::error_code code;
-        about.set("name", name_of(fs::absolute(run_, code).string()));
-        about.set("scene", name_of(config["scene"]["path"].text));
+        about.set("name", folder_name(run_));
+        about.set("scene", folder_name(config["scene"]["path"].text));
         report_.set("run", std::move(about));
         std::erase_if(config.members, [](const auto& member) { return member.first == "info"; });
         report_.set("config", std::move(config));
@@ -252,6 +246,13 @@ private:
 
 }  // namespace
 
+std::string folder_name(const std::string& path) {
+    std::error_code code;
+    fs::path clean = fs::absolute(path, code).lexically_normal();
+    if (clean.filename().empty()) clean = clean.parent_path();
+    return clean.filename().string();
+}
+
 void write_report(const std::string& run, const Scene& scene, std::vector<std::string> missing) {
     Collector collector(run, scene, std::move(missing));
     const std::string json = json_text(collector.collect());
@@ -259,6 +260,39 @@ void write_report(const std::string& run, const Scene& scene, std::vector<std::s
     // Reads the written file: except for the 3D view, the page depends on report.json only.
     write_text_file(run + "/report.html",
                     report_html(parse_json_value(json, run + "/report.json"), collector.view()));
+}
+
+void make_report(const std::string& run, const std::string& scene_path) {
+    Configuration configuration;
+    auto& [options, table] = configuration;
+    table.read_file(run_config_path(run));
+    if (!scene_path.empty()) options.scene.path = scene_path;
+    options.scene.need_points = false;
+    Scene scene;
+    std::vector<std::string> missing;
+    if_possible(
+        "photographs", [&] { scene = read_scene_of_run(options.scene, run); }, "report", &missing);
+    write_report(run, scene, std::move(missing));
+    spdlog::info("Report: {}/report.html", run);
+}
+
+std::string refresh_report(const std::string& written) {
+    const fs::path folder = fs::path(written).parent_path();
+    const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
+    std::error_code code;
+    const bool is_mesh = folder.filename() == "mesh" && fs::path(written).stem() == "mesh",
+               is_score = folder.filename() == "eval" && fs::path(written).extension() == ".json" &&
+                          fs::is_regular_file(fs::path(run) / "report.json", code);
+    if (!(is_mesh || is_score) || !fs::is_regular_file(fs::path(run) / "config.json", code))
+        return {};
+    try {
+        make_report(run);
+        return run;
+    } catch (const Error& error) {
+        spdlog::warn("{}; the report was not updated; try tvsgs-eval report --run {}", error.what(),
+                     run);
+        return {};
+    }
 }
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// Collects report.json from a run folder, and writes the report.
+// Collects report.json from a run folder, and writes the report, again if needed.
 #pragma once
 
 #include <string>
@@ -26,6 +26,9 @@ void if_possible(const char* part,
     }
 }
 
+/// The name of a folder such as "runs/a/" or ".".
+std::string folder_name(const std::string& path);
+
 /// Writes RUN/report.json and RUN/report.html from the present state of the run. `scene`: the run's
 /// scene, for photographs beside renders and in the 3D view; may have no views. `missing`: gaps to
 /// report besides those found here. Throws Error(ExitCode::input) when `run` is no run folder.
@@ -36,5 +39,15 @@ void if_possible(const char* part,
 void write_report(const std::string& run,
                   const Scene& scene,
                   std::vector<std::string> missing = {});
+
+/// Writes RUN/report.json and RUN/report.html again. `scene`: the scene's folder if it is not the
+/// one that the run names; leaves out parts that need a missing scene. Throws
+/// Error(ExitCode::input) when `run` is no run folder.
+void make_report(const std::string& run, const std::string& scene = {});
+
+/// Updates the report of the run that contains the new file `written`, RUN/mesh/mesh.ply or
+/// RUN/eval/NAME.json; for the mesh, writes the report that a run lacks. Warns if the report fails.
+/// Returns the run; empty: it has no report.
+std::string refresh_report(const std::string& written);
 
 }  // namespace tvsgs

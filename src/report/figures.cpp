@@ -1,10 +1,9 @@
-#include "report/figures.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
 #include "report/pictures.h"
+#include "report/plot.h"
 
 namespace tvsgs {
 namespace {

@@ -1,15 +1,12 @@
-#include "report/html.h"
-
 #include <algorithm>
 #include <cmath>
 #include <set>
 
 #include "core/error.h"
 #include "plan/settings.h"
-#include "report/figures.h"
 #include "report/page.h"
 #include "report/plot.h"
-#include "report/verdict.h"
+#include "report/report_parts.h"
 
 namespace tvsgs {
 namespace {

@@ -1,7 +1,12 @@
-// Style and scripts of report.html.
+// Styles and scripts of report.html and of the pages of tvsgs-view.
 #pragma once
 
 namespace tvsgs {
+
+// Files of src/report/view.
+extern const char* const kViewPage;    // page.html, with placeholders {{name}}
+extern const char* const kViewStyle;   // page.css
+extern const char* const kViewScript;  // the scripts, in order
 
 inline constexpr const char* kPageStyle = R"(
 :root{color-scheme:light dark;--page:#f4f5f7;--card:#fff;--text:#1b1b1b;--quiet:#55585e;--line:#d5d8dd;--link:#005a9c;--mark:#b35c00}

@@ -1,9 +1,11 @@
-// Makes plots as SVG text, without external fonts, scripts or files. The colours in kPlotStyle suit
-// colour-blind readers; lines also differ in dashes and marks.
+// Makes plots as SVG text, without external fonts, scripts or files, and HTML parts with them. The
+// colours in kPlotStyle suit colour-blind readers; lines also differ in dashes and marks.
 #pragma once
 
 #include <string>
 #include <vector>
+
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 
@@ -43,5 +45,28 @@ std::string escaped(const std::string& text);
 
 /// Formats with at most `digits` significant digits, without an exponent where possible.
 std::string short_number(double value, int digits = 4);
+
+/// Numbers of a JSON list; NaN for other values.
+std::vector<double> numbers(const JsonValue& list);
+
+/// `style`: attributes of the table, with a leading space.
+std::string html_table(const std::string& caption,
+                       const std::vector<std::string>& heads,
+                       const std::vector<std::vector<std::string>>& rows,
+                       const std::string& style = "");
+
+/// The plot with its data table; empty for a plot without data. `id` as in plot_svg(); `source`:
+/// the file with all rows where the table is thinned.
+std::string plot_figure(const Plot& plot, const std::string& id, const std::string& source);
+
+/// Plots of distances, F1 and view scores over seconds of training, from "evaluations" of a
+/// report.json. Empty for fewer than two evaluations.
+std::vector<Plot> plots_over_time(const JsonValue& evaluations);
+
+/// Legend of the error colours, from 0 to `full`.
+std::string error_scale(double full);
+
+/// Text for a script element of type application/json; escaped so that it cannot end the element.
+std::string json_for_page(const JsonValue& value);
 
 }  // namespace tvsgs

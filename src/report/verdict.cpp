@@ -1,5 +1,3 @@
-#include "report/verdict.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,8 +6,8 @@
 #include "core/grouped.h"
 #include "pipeline/run/train_evaluation.h"
 #include "plan/look.h"
-#include "report/figures.h"
 #include "report/plot.h"
+#include "report/report_parts.h"
 
 namespace tvsgs {
 namespace {

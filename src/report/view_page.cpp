@@ -14,10 +14,9 @@
 #include "render/backbone.h"
 #include "render/depth/map_images.h"
 #include "render/tiles/blend_math.h"
-#include "report/figures.h"
 #include "report/page.h"
 #include "report/pictures.h"
-#include "report/view_assets.h"
+#include "report/plot.h"
 #include "report/view_pack.h"
 
 namespace tvsgs {

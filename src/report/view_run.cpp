@@ -1,5 +1,3 @@
-#include "report/view_run.h"
-
 #include <algorithm>
 #include <filesystem>
 
@@ -7,10 +5,12 @@
 #include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
+#include "io/scene/georeference.h"
 #include "mesh/simplify/simplify.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
 #include "report/data.h"
+#include "report/view_page.h"
 
 namespace tvsgs {
 namespace {
@@ -20,9 +20,8 @@ constexpr std::size_t kFewPhotos = 12;  // from a scene that was loaded for anot
 namespace fs = std::filesystem;
 
 RunOptions options_of(const std::string& run) {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
+    Configuration configuration;
+    auto& [options, table] = configuration;
     table.read_file(run_config_path(run));
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
@@ -37,15 +36,18 @@ struct FileCamera {
 };
 
 FileCamera file_camera(const JsonValue& json, const std::string& path) {
-    const auto number = [&](const JsonValue& value) {
-        if (!value.is(JsonValue::Kind::number))
+    const auto require = [&](bool complete) {
+        if (!complete)
             throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
+    };
+    const auto number = [&](const JsonValue& value) {
+        require(value.is(JsonValue::Kind::number));
         return value.number;
     };
     const auto vector = [&](const JsonValue& list) {
-        if (list.items.size() != 3)
-            throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
-        return Vec3d{number(list.items[0]), number(list.items[1]), number(list.items[2])};
+        const Vec3d v = vector_of(list);
+        require(is_finite(v));
+        return v;
     };
     FileCamera out{json["img_name"].text, {}, vector(json["position"])};
     Camera& c = out.camera;
@@ -128,13 +130,6 @@ EvaluationOptions truth_options(const EvaluationOptions& of_run, const std::stri
     return options;
 }
 
-std::string name_of(const std::string& run) {
-    std::error_code code;
-    fs::path clean = fs::absolute(run, code).lexically_normal();
-    if (clean.filename().empty()) clean = clean.parent_path();
-    return clean.filename().string();
-}
-
 ViewRun read_run(const std::string& path,
                  const ViewInput& input,
                  Vec3d origin,
@@ -142,7 +137,7 @@ ViewRun read_run(const std::string& path,
                  std::vector<std::string>* missing) {
     const RunOptions options = options_of(path);
     ViewRun run;
-    run.name = name_of(path);
+    run.name = folder_name(path);
     run.train = options.train;
     std::error_code code;
     if (input.may_train && !fs::exists(path + "/point_cloud", code))

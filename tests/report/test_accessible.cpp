@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "io/files/atomic_file.h"
-#include "report/html.h"
 #include "report/pictures.h"
+#include "report/report_parts.h"
 #include "view_cases.h"
 
 namespace tvsgs {

@@ -11,11 +11,9 @@
 #include "core/grouped.h"
 #include "io/files/json_value.h"
 #include "pipeline/run/train_evaluation.h"
-#include "report/figures.h"
-#include "report/html.h"
 #include "report/pictures.h"
 #include "report/plot.h"
-#include "report/verdict.h"
+#include "report/report_parts.h"
 #include "support/browser.h"
 #include "support/count_of.h"
 

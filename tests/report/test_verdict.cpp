@@ -2,8 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "report/coverage.h"
-#include "report/verdict.h"
+#include "report/report_parts.h"
 
 namespace tvsgs {
 namespace {
