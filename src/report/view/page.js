@@ -34,10 +34,8 @@ async function follow(viewer) {
     let pause = document.hidden ? 5000 : 1000;
     try {
       const state = await (await fetch('api/state')).json();
-      if (!state.live && last) {
-        note('The training has ended. Reload this page to see the results.', true);
-        return;
-      }
+      if (!state.live && last)
+        return note('The training has ended. Reload this page to see the results.', true);
       if (!state.live) {
         note(state.finished ? '' : 'No training with --live yet; this page waits for one.');
         pause = 5000;
@@ -68,13 +66,8 @@ async function follow(viewer) {
  */
 async function patiently(promise) {
   let over = !query.has('test') && !query.has('wait'), sum = 0;
-  promise.then(
-      () => {
-        over = true;
-      },
-      () => {
-        over = true;
-      });
+  const end = () => over = true;
+  promise.then(end, end);
   while (!over) {
     for (let i = 0; i < 1e6; ++i) sum += Math.sin(i);
     await new Promise(resolve => setTimeout(resolve, 1));

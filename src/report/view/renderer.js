@@ -12,13 +12,12 @@ class Renderer {
         gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float');
     this.bits = floats && accumulate !== 8 ? 16 : 8;
     this.format = this.bits === 16 ? gl.RGBA16F : gl.RGBA8;
-    const program = (v, f) => this.makeProgram(v, f);
     this.programs = {
-      colors: program(kScreenVertex, kColorFragment),
-      ellipses: program(kEllipseVertex, kEllipseFragment),
-      discs: program(kDiscVertex, kDiscFragment),
-      mesh: program(kMeshVertex, kMeshFragment),
-      finish: program(kScreenVertex, kFinishFragment)
+      colors: this.makeProgram(kScreenVertex, kColorFragment),
+      ellipses: this.makeProgram(kEllipseVertex, kEllipseFragment),
+      discs: this.makeProgram(kDiscVertex, kDiscFragment),
+      mesh: this.makeProgram(kMeshVertex, kMeshFragment),
+      finish: this.makeProgram(kScreenVertex, kFinishFragment)
     };
     this.runs = [];
     this.target = null;

@@ -104,12 +104,7 @@ class Viewer {
   }
 
   begin() {
-    this.canvas.hidden = false;
-    for (const poster of document.querySelectorAll('.poster')) poster.hidden = true;
-    for (const id of ['controls', 'fold']) element(id).hidden = false;
-    this.panes.forEach(pane => {
-      pane.hidden = false;
-    });
+    showPanes(true);
     this.fold(narrow());
     this.listen();
     this.makeBox();
@@ -440,10 +435,8 @@ class Viewer {
   }
 
   copyLink() {
-    if (location.protocol === 'about:') {
-      say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
-      return;
-    }
+    if (location.protocol === 'about:')
+      return say('Links need the page on its own: tvsgs-view RUN --out view.html writes it.');
     const link = this.link();
     try {
       history.replaceState(null, '', link);
@@ -491,8 +484,7 @@ class Viewer {
   flyTo(view, done) {
     if (this.still.matches) {
       this.move(view, true);
-      done();
-      return;
+      return done();
     }
     this.flight = {from: this.view, to: view, start: performance.now(), done};
     this.ask();
@@ -502,10 +494,7 @@ class Viewer {
     const {from, to, start, done} = this.flight, t = Math.min((now - start) / 500, 1);
     this.movedAt = now;
     this.view = t < 1 ? between(from, to, t * t * (3 - 2 * t)) : to;
-    if (t < 1) {
-      this.ask();
-      return;
-    }
+    if (t < 1) return this.ask();
     this.flight = null;
     done();
   }
@@ -582,16 +571,17 @@ class Viewer {
 
   listen() {
     const canvas = this.canvas, up = about.scene.up, step = 0.12;
-    const go = view => this.move(view);
+    const turn = (right, down) => this.move(turned(this.view, up, -step * right, step * down));
+    const shift = (right, down) => this.move(shifted(this.view, 0.06 * right, 0.06 * down));
     const acts = {
-      left: () => go(turned(this.view, up, step, 0)),
-      right: () => go(turned(this.view, up, -step, 0)),
-      up: () => go(turned(this.view, up, 0, -step)),
-      down: () => go(turned(this.view, up, 0, step)),
-      shiftLeft: () => go(shifted(this.view, -0.06, 0)),
-      shiftRight: () => go(shifted(this.view, 0.06, 0)),
-      shiftUp: () => go(shifted(this.view, 0, -0.06)),
-      shiftDown: () => go(shifted(this.view, 0, 0.06)),
+      left: () => turn(-1, 0),
+      right: () => turn(1, 0),
+      up: () => turn(0, -1),
+      down: () => turn(0, 1),
+      shiftLeft: () => shift(-1, 0),
+      shiftRight: () => shift(1, 0),
+      shiftUp: () => shift(0, -1),
+      shiftDown: () => shift(0, 1),
       near: () => this.zoom(1 / 1.15),
       far: () => this.zoom(1.15),
       reset: () => {
@@ -765,20 +755,19 @@ const say = text => {
   if (element('status').textContent !== text) element('status').textContent = text;
 };
 
+/** Shows the panes and their controls, or the pictures that replace them. */
+function showPanes(on) {
+  for (const part of document.querySelectorAll('#canvas, #controls, #fold, .pane'))
+    part.hidden = !on;
+  for (const poster of document.querySelectorAll('.poster')) poster.hidden = on;
+}
+
 function fail(message) {
   say(message);
   element('panel').classList.remove('folded');
   document.querySelectorAll('dialog[open]').forEach(dialog => dialog.close());
   document.body.classList.add('plain');
   element('status').classList.add('notice');
-  for (const id of ['canvas', 'controls', 'fold']) element(id).hidden = true;
-  document.querySelectorAll('.pane').forEach(pane => {
-    pane.hidden = true;
-  });
-  document.querySelectorAll('.poster').forEach(poster => {
-    poster.hidden = false;
-  });
-  document.querySelectorAll('button[data-camera]').forEach(button => {
-    button.disabled = true;
-  });
+  showPanes(false);
+  for (const button of document.querySelectorAll('button[data-camera]')) button.disabled = true;
 }
