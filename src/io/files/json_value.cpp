@@ -31,52 +31,16 @@ JsonValue from_library(const Json& json) {
     return value;
 }
 
-void append_quoted(std::string& out, const std::string& text) {
-    out += Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+std::string quoted(const std::string& text) {
+    return Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-void append_number(std::string& out, double number) {
+std::string number_text(double number) {
     char text[40];
     const bool whole = std::trunc(number) == number && std::abs(number) < 9e18;
     const auto end = whole ? std::to_chars(text, text + sizeof text, static_cast<long long>(number))
                            : std::to_chars(text, text + sizeof text, number);
-    out.append(text, end.ptr);
-}
-
-void append(std::string& out, const JsonValue& value) {
-    const char* comma = "";
-    switch (value.kind) {
-        case JsonValue::Kind::null:
-            out += "null";
-            return;
-        case JsonValue::Kind::boolean:
-            out += value.number != 0 ? "true" : "false";
-            return;
-        case JsonValue::Kind::number:
-            return append_number(out, value.number);
-        case JsonValue::Kind::text:
-            return append_quoted(out, value.text);
-        case JsonValue::Kind::list:
-            out += "[";
-            for (const JsonValue& item : value.items) {
-                out += comma;
-                append(out, item);
-                comma = ", ";
-            }
-            out += "]";
-            return;
-        case JsonValue::Kind::object:
-            out += "{";
-            for (const auto& [name, member] : value.members) {
-                out += comma;
-                append_quoted(out, name);
-                out += ": ";
-                append(out, member);
-                comma = ", ";
-            }
-            out += "}";
-            return;
-    }
+    return {text, end.ptr};
 }
 
 }  // namespace
@@ -153,9 +117,18 @@ double rounded(double value, int digits) {
 }
 
 std::string json_text(const JsonValue& value) {
-    std::string out;
-    append(out, value);
-    return out;
+    if (value.is(JsonValue::Kind::null)) return "null";
+    if (value.is(JsonValue::Kind::boolean)) return value.number != 0 ? "true" : "false";
+    if (value.is(JsonValue::Kind::number)) return number_text(value.number);
+    if (value.is(JsonValue::Kind::text)) return quoted(value.text);
+    std::string inside;
+    const auto add = [&](const std::string& entry) {
+        if (!inside.empty()) inside += ", ";
+        inside += entry;
+    };
+    for (const JsonValue& item : value.items) add(json_text(item));
+    for (const auto& [name, member] : value.members) add(quoted(name) + ": " + json_text(member));
+    return value.is(JsonValue::Kind::list) ? "[" + inside + "]" : "{" + inside + "}";
 }
 
 }  // namespace tvsgs
