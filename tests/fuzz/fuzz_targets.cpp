@@ -20,7 +20,6 @@
 #include "io/files/zip_archive.h"
 #include "io/images/exif.h"
 #include "io/images/image_file.h"
-#include "io/images/webp.h"
 #include "io/mesh/mesh_files.h"
 #include "io/priors/prior_sources.h"
 #include "io/scene/colmap.h"

@@ -1,7 +1,6 @@
 #include <cmath>
 
 #include "io/images/image_file.h"
-#include "io/images/webp.h"
 #include "io/io_test.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "core/log.h"
-#include "io/images/webp.h"
+#include "io/images/image_file.h"
 #include "io/scene_reader_test.h"
 
 namespace tvsgs {

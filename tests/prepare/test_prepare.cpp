@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include "core/log.h"
-#include "io/images/webp.h"
+#include "io/images/image_file.h"
 #include "io/scene/georeference.h"
 #include "io/scene/scene_reader.h"
 #include "prepare/prepare_test.h"

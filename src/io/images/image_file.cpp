@@ -1,5 +1,8 @@
 #include "io/images/image_file.h"
 
+#include <webp/decode.h>
+#include <webp/encode.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -13,7 +16,6 @@
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/images/stb.h"
-#include "io/images/webp.h"
 
 namespace tvsgs {
 namespace {
@@ -23,6 +25,10 @@ using std::string_view_literals::operator""sv;
 struct StbFree {
     void operator()(void* pixels) const { stbi_image_free(pixels); }
 };
+
+bool is_webp(std::string_view bytes) {
+    return bytes.starts_with("RIFF") && bytes.substr(0, 12).ends_with("WEBP");
+}
 
 /// Name of an unsupported format by the file's first bytes; empty if unknown.
 std::string kind_of_file(std::string_view bytes) {
@@ -76,11 +82,13 @@ void check_png_chunks(const std::string& path, std::string_view bytes) {
 /// Reads the size from the bytes of a file, or from its first bytes.
 ImageSize size_in(const std::string& path, std::string_view bytes, std::int64_t max_pixels) {
     ImageSize size{};
-    const bool known = is_webp(bytes)
-                           ? read_webp_size(bytes, size.width, size.height, size.channels)
-                           : stbi_info_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()),
-                                                   static_cast<int>(bytes.size()), &size.width,
-                                                   &size.height, &size.channels) != 0;
+    if (is_webp(bytes)) {
+        const std::optional<ImageSize> found = webp_size(bytes);
+        return checked_size(path, bytes, found.has_value(), found.value_or(size), max_pixels);
+    }
+    const bool known = stbi_info_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()),
+                                             static_cast<int>(bytes.size()), &size.width,
+                                             &size.height, &size.channels) != 0;
     return checked_size(path, bytes, known, size, max_pixels);
 }
 
@@ -119,7 +127,10 @@ ImageU8 decode_webp_image(const std::string& path,
                           std::int64_t max_pixels) {
     const ImageSize size = size_in(path, bytes, max_pixels);
     ImageU8 image(size.width, size.height, channels == 0 ? size.channels : channels == 4 ? 4 : 3);
-    if (!decode_webp(bytes, image))
+    const auto* const data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+    if (!(image.channels == 4 ? WebPDecodeRGBAInto : WebPDecodeRGBInto)(
+            data, bytes.size(), image.pixels.data(), image.pixels.size(),
+            image.width * image.channels))
         throw input_error("E_IMAGE_READ: ", path,
                           ": decoding failed; the file may be cut off: copy it again");
     return channels == 1 ? grey_of(image) : image;
@@ -237,6 +248,49 @@ std::string jpeg_bytes(const ImageU8& image, int quality) {
         throw Error(ExitCode::internal, "encoding a JPEG of ", image.width, "x", image.height, "x",
                     image.channels, " failed");
     return bytes;
+}
+
+std::string webp_bytes(const ImageU8& image, int quality) {
+    std::uint8_t* encoded = nullptr;
+    const std::size_t size = WebPEncodeRGB(image.pixels.data(), image.width, image.height,
+                                           3 * image.width, static_cast<float>(quality), &encoded);
+    std::string bytes(reinterpret_cast<const char*>(encoded), size);
+    WebPFree(encoded);
+    if (size == 0)
+        throw Error(ExitCode::internal, "encoding a WebP of ", image.width, "x", image.height,
+                    " failed");
+    return bytes;
+}
+
+std::string webp_lossless_bytes(const ImageU8& image) {
+    struct Picture : WebPPicture {
+        ~Picture() { WebPPictureFree(this); }
+    } picture;
+    struct Memory : WebPMemoryWriter {
+        ~Memory() { WebPMemoryWriterClear(this); }
+    } memory;
+    WebPConfig config;
+    constexpr int kLevel = 6;  // of 0 to 9; higher levels take much longer and gain little
+    const bool known = WebPPictureInit(&picture) && WebPConfigInit(&config) &&
+                       WebPConfigLosslessPreset(&config, kLevel);
+    WebPMemoryWriterInit(&memory);
+    config.exact = 1;
+    picture.use_argb = 1, picture.width = image.width, picture.height = image.height;
+    picture.writer = WebPMemoryWrite, picture.custom_ptr = static_cast<WebPMemoryWriter*>(&memory);
+    if (!known || !WebPPictureImportRGBA(&picture, image.pixels.data(), 4 * image.width) ||
+        !WebPEncode(&config, &picture))
+        throw Error(ExitCode::internal, "encoding a WebP of ", image.width, "x", image.height,
+                    " failed: error ", picture.error_code);
+    return {reinterpret_cast<const char*>(memory.mem), memory.size};
+}
+
+std::optional<ImageSize> webp_size(std::string_view bytes) {
+    WebPBitstreamFeatures features;
+    if (WebPGetFeatures(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(),
+                        &features) != VP8_STATUS_OK ||
+        features.has_animation)
+        return std::nullopt;
+    return ImageSize{features.width, features.height, features.has_alpha ? 4 : 3};
 }
 
 void write_png(const std::string& path, const ImageU8& image) {

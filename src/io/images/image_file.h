@@ -1,6 +1,7 @@
 // Reading, writing and resizing of images.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -38,6 +39,14 @@ ImageSize read_image_size(const std::string& path);
 /// Encodes in memory. PNG: 1, 3 or 4 channels; JPEG: 1 or 3, `quality` 1 to 100.
 std::string png_bytes(const ImageU8& image);
 std::string jpeg_bytes(const ImageU8& image, int quality);
+/// WebP: 3 channels, `quality` 1 to 100; or lossless, 4 channels, with the colour also where alpha
+/// is 0.
+std::string webp_bytes(const ImageU8& image, int quality);
+std::string webp_lossless_bytes(const ImageU8& image);
+inline constexpr int kWebpMaxSide = 16383;  // limit of the format
+
+/// Reads the size from the start of a WebP file; 3 or 4 channels. Empty if the file is damaged.
+std::optional<ImageSize> webp_size(std::string_view bytes);
 
 /// Writes a PNG with 1, 3 or 4 channels as an atomic file.
 void write_png(const std::string& path, const ImageU8& image);

@@ -11,7 +11,6 @@
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
-#include "io/images/webp.h"
 #include "io/mesh/mesh_glb.h"
 
 namespace tvsgs {

@@ -5,7 +5,6 @@
 #include "io/files/json_file.h"
 #include "io/files/zip_archive.h"
 #include "io/images/image_file.h"
-#include "io/images/webp.h"
 #include "io/splats/codebook.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_checks.h"
@@ -108,12 +107,11 @@ private:
         if (found == files_.end())
             fail("its file ", shown(names[at].get<std::string>()), " is missing");
         const std::string where = where_of(found->first);
-        int width = 0, height = 0, channels = 0;
-        if (!read_webp_size(found->second, width, height, channels))
-            throw input_error(where, ": not a WebP picture");
-        if (std::int64_t{width} * height < least)
-            throw input_error(where, ": ", width, "x", height, " pixels; expected at least ",
-                              least);
+        const std::optional<ImageSize> size = webp_size(found->second);
+        if (!size) throw input_error(where, ": not a WebP picture");
+        if (std::int64_t{size->width} * size->height < least)
+            throw input_error(where, ": ", size->width, "x", size->height,
+                              " pixels; expected at least ", least);
         return *found;
     }
     std::string where_of(const std::string& name) const { return str(path_, ": ", shown(name)); }

@@ -9,7 +9,7 @@
 #include "core/version.h"
 #include "io/files/read_file.h"
 #include "io/files/zip_archive.h"
-#include "io/images/webp.h"
+#include "io/images/image_file.h"
 #include "io/splats/codebook.h"
 #include "io/splats/sog_math.h"
 #include "io/splats/splat_checks.h"
