@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <utility>
+
+#include "core/log.h"
 
 namespace tvsgs {
 namespace {
@@ -29,15 +32,11 @@ void go_up(int lines) {
 void set_progress_style(ProgressStyle chosen) {
     style = chosen;
 }
+
 std::string clock_text(double seconds) {
-    const auto total = static_cast<long>(std::lround(std::min(seconds, 1e9)));
-    char text[48];
-    if (total >= 3600)
-        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
-                      total % 60);
-    else
-        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
-    return text;
+    const long total = std::lround(std::min(seconds, 1e9)), minutes = total / 60;
+    return total >= 3600 ? fmt::format("{}:{:02}:{:02}", minutes / 60, minutes % 60, total % 60)
+                         : fmt::format("{}:{:02}", minutes, total % 60);
 }
 
 ProgressStyle progress_style() {
@@ -97,10 +96,10 @@ std::string progress_text(
     constexpr int kBar = 20;
     const double part = std::isfinite(share) ? std::clamp(share, 0.0, 1.0) : 1;
     const int filled = static_cast<int>(kBar * part);
-    std::string text = what + (what.empty() ? "" : " ") + clock_text(seconds) + " [" +
-                       std::string(static_cast<std::size_t>(filled), '#') +
-                       std::string(static_cast<std::size_t>(kBar - filled), '.') + "] " +
-                       std::to_string(static_cast<int>(100 * part)) + " %";
+    std::string text = fmt::format(
+        "{}{}{} [{}{}] {} %", what, what.empty() ? "" : " ", clock_text(seconds),
+        std::string(static_cast<std::size_t>(filled), '#'),
+        std::string(static_cast<std::size_t>(kBar - filled), '.'), static_cast<int>(100 * part));
     if (std::isfinite(left))
         text += (at_least ? "  more than " : "  about ") + clock_text(left) + " left";
     return text;

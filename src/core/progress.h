@@ -1,7 +1,6 @@
 // Progress of long work on standard error. Compiles in CUDA sources.
 #pragma once
 
-#include <cmath>
 #include <deque>
 #include <mutex>
 #include <string>

@@ -20,6 +20,13 @@
 namespace tvsgs {
 namespace {
 
+/// Inverse of octahedral_place(). The result has any length.
+Vec3f octahedral_direction(Vec2f p) {
+    const float z = 1 - std::abs(p.x) - std::abs(p.y);
+    if (z >= 0) return {p.x, p.y, z};
+    return {std::copysign(1 - std::abs(p.y), p.x), std::copysign(1 - std::abs(p.x), p.y), z};
+}
+
 using Texture = std::function<Vec3d(Vec3d)>;
 
 /// Random colours at integer places, linear between them.

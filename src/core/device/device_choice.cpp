@@ -55,7 +55,7 @@ std::vector<int> choose_gpus(const std::string& list, int count) {
             throw Error(ExitCode::usage, "--gpus ", list,
                         ": expected all, or GPU numbers such as 0,1,3");
         const int gpu = std::stoi(word);
-        if (std::find(gpus.begin(), gpus.end(), gpu) != gpus.end())
+        if (std::ranges::find(gpus, gpu) != gpus.end())
             throw Error(ExitCode::usage, "--gpus ", list, ": GPU ", gpu, " is given twice");
         if (gpu >= count)
             throw Error(ExitCode::device, "--gpus ", list, ": no GPU ", gpu,

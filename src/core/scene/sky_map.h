@@ -18,13 +18,6 @@ TVSGS_HD inline Vec2f octahedral_place(Vec3f d) {
     return {std::copysign(1 - std::abs(y), x), std::copysign(1 - std::abs(x), y)};
 }
 
-/// Inverse of octahedral_place(). The result has any length.
-TVSGS_HD inline Vec3f octahedral_direction(Vec2f p) {
-    const float z = 1 - std::abs(p.x) - std::abs(p.y);
-    if (z >= 0) return {p.x, p.y, z};
-    return {std::copysign(1 - std::abs(p.y), p.x), std::copysign(1 - std::abs(p.x), p.y), z};
-}
-
 /// Index of a texel of a square map. (x, y) may lie one texel outside: beyond an edge the map
 /// continues along the same edge in the opposite direction, as the lower half of the sphere is
 /// folded there.

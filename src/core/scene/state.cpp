@@ -25,8 +25,7 @@ bool any_not_finite(const std::byte* begin, std::size_t floats) {
 }  // namespace
 
 const StateArray* State::find(std::string_view name) const {
-    const auto at = std::find_if(arrays.begin(), arrays.end(),
-                                 [&](const StateArray& array) { return array.name == name; });
+    const auto at = std::ranges::find(arrays, name, &StateArray::name);
     return at == arrays.end() ? nullptr : &*at;
 }
 
