@@ -8,7 +8,7 @@
 #include "eval/protocols.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "io/scene/npz_cameras.h"
+#include "io/scene/scene_layout.h"
 
 namespace tvsgs {
 namespace {

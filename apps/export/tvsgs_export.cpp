@@ -40,7 +40,7 @@ struct Arguments {
 
 std::optional<SplatFrame> frame_of(const std::string& name) {
     for (const SplatFrame frame : {SplatFrame::rdf, SplatFrame::rub, SplatFrame::luf})
-        if (name == frame_name(frame)) return frame;
+        if (name == info_of(frame).name) return frame;
     return std::nullopt;
 }
 
@@ -160,11 +160,9 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
 }
 
 /// The splats of a file, and the position of their frame in the scene's.
-struct Input {
-    std::string path;
-    Gaussians<Cpu> splats;
-    Vec3d origin;
-    std::string projection;  // of the scene; empty: none
+struct Input : Georeference {
+    std::string path{};
+    Gaussians<Cpu> splats{};
 };
 
 Input read_input(const Arguments& a, const RunOptions& options, const Scene* scene) {
@@ -181,8 +179,7 @@ Input read_input(const Arguments& a, const RunOptions& options, const Scene* sce
     if (in.splats.size() == 0)
         throw input_error(in.path, ": no usable splats; expected at least one");
     if (splat_format(in.path) != SplatFormat::ply) {
-        const SplatPlace place = read_splat_place(in.path);
-        in.origin = place.origin, in.projection = place.projection;
+        static_cast<Georeference&>(in) = read_splat_place(in.path);
         if (scene) {
             const Vec3f off = vec_cast<float>(in.origin - scene->origin);
             for (Vec3f& p : in.splats.means.span()) p += off;
@@ -203,7 +200,6 @@ Input read_input(const Arguments& a, const RunOptions& options, const Scene* sce
 
 struct ExportReport {
     std::string path;
-    SplatFormat format = SplatFormat::ply;
     SplatFrame frame = SplatFrame::rdf;
     int splats = 0, sh_degree = 0;
     std::uintmax_t bytes = 0;
@@ -217,19 +213,6 @@ struct ExportReport {
     RenderScores scores;      // of the exported splats, before and after
 };
 
-const char* format_name(SplatFormat format) {
-    return format == SplatFormat::ply   ? "ply"
-           : format == SplatFormat::spz ? "spz"
-           : format == SplatFormat::sog ? "sog"
-                                        : "glb";
-}
-
-const char* axes(SplatFrame frame) {
-    return frame == SplatFrame::rdf   ? "x right, y down, z forward"
-           : frame == SplatFrame::rub ? "x right, y up, z back"
-                                      : "x left, y up, z forward";
-}
-
 /// PSNR as text, or "no difference".
 std::string decibels(double psnr) {
     return std::isfinite(psnr) ? fmt::format("{:.2f} dB", psnr) : "no difference";
@@ -240,9 +223,7 @@ double typical_size(const Gaussians<Cpu>& g) {
     std::vector<float> middle;
     for (const Vec3f s : g.log_scales.span())
         middle.push_back(std::max(std::min(s.x, s.y), std::min(std::max(s.x, s.y), s.z)));
-    const auto at = middle.begin() + static_cast<std::ptrdiff_t>(middle.size() / 2);
-    std::nth_element(middle.begin(), at, middle.end());
-    return std::exp(double{*at});
+    return std::exp(double{middle_of(middle)});
 }
 
 /// Logs how many splats were left out, and why.
@@ -261,7 +242,7 @@ void log_left_out(const SelectionReport& report, int of, std::size_t views) {
 void say(const ExportReport& r) {
     spdlog::info("Wrote {}: {} splats, SH degree {}, {} bytes ({:.1f} each); axes: {}", r.path,
                  grouped(r.splats), r.sh_degree, grouped(r.bytes),
-                 static_cast<double>(r.bytes) / r.splats, axes(r.frame));
+                 static_cast<double>(r.bytes) / r.splats, info_of(r.frame).axes);
     if (!r.errors) return;
     const SplatErrors& e = *r.errors;
     spdlog::info(
@@ -297,8 +278,8 @@ std::string report_json(const ExportReport& r) {
         .add("beyond_most", r.left_out.beyond_most);
     out.add("version", kVersion)
         .add("file", r.path)
-        .add("format", format_name(r.format))
-        .add("frame", frame_name(r.frame))
+        .add("format", lower_case(fs::path(r.path).extension().string()).substr(1))
+        .add("frame", info_of(r.frame).name)
         .add("splats", r.splats)
         .add("sh_degree", r.sh_degree)
         .add("bytes", r.bytes)
@@ -370,8 +351,7 @@ int command(int argc, char** argv) {
             return blend_weight_of_splats<decltype(tag)>(in.splats, cameras, options.train);
         });
     ExportReport report;
-    report.path = a.output, report.format = a.format();
-    report.frame = how.frame.value_or(default_frame(report.format));
+    report.path = a.output, report.frame = how.frame.value_or(default_frame(a.format()));
     Gaussians<Cpu> kept;
     copy(in.splats, kept);
     report.left_out = select_splats(selection, light, kept);
@@ -408,7 +388,7 @@ int command(int argc, char** argv) {
     const std::string json = report_json(report);
     if (a.json) std::fputs(json.c_str(), stdout);
     if (!a.report.empty()) write_text_file(a.report, json), spdlog::info("Report: {}", a.report);
-    if (std::filesystem::is_directory(a.input))
+    if (is_run(a.input))
         say_next({"tvsgs-view", a.input}, "look at the run in a browser");
     else if (!a.output.ends_with(".ply"))
         say_next({"tvsgs-export", a.output, "splats.ply"}, "turn it back into a PLY");

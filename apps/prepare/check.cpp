@@ -7,17 +7,10 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/math/quantile.h"
 
 namespace tvsgs::prepare {
 namespace {
-
-template <class Value>
-Value median(std::vector<Value> values) {
-    if (values.empty()) return {};
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 double round_to(double value, double step) {
     return std::round(value / step) * step;
@@ -68,7 +61,7 @@ double median_angle_deg(const SparseModel& model) {
         cosines.push_back(least);
     }
     if (cosines.empty()) return 0;
-    return std::acos(std::clamp(median(cosines), -1.0, 1.0)) * 180 / std::numbers::pi;
+    return std::acos(std::clamp(middle_of(cosines), -1.0, 1.0)) * 180 / std::numbers::pi;
 }
 
 /// Index of the model that contains a photograph; -1: none.
@@ -115,7 +108,7 @@ Check check_models(const std::vector<std::string>& names,
     const auto end_run = [&](const std::string& after) {
         if (run.names.empty()) return;
         run.after = after;
-        if (!of_run.empty()) run.features = median(of_run);
+        if (!of_run.empty()) run.features = middle_of(of_run);
         check.missing.push_back(run);
         run = {}, of_run.clear();
     };
@@ -134,7 +127,7 @@ Check check_models(const std::vector<std::string>& names,
         if (found != features.end()) of_run.push_back(found->second);
     }
     end_run("");
-    check.features = median(of_registered);
+    if (!of_registered.empty()) check.features = middle_of(of_registered);
     return check;
 }
 

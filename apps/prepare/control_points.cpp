@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <ranges>
 
 #include "core/log.h"
 #include "core/math/quantile.h"
@@ -75,13 +76,10 @@ std::set<std::string> checkpoints_of(const std::string& names, const ControlList
         const std::string name(trimmed(std::string_view(names).substr(begin, end - begin)));
         begin = end + 1;
         if (name.empty()) continue;
-        if (std::ranges::find(list.points, name, &ControlPoint::name) == list.points.end()) {
-            std::string known;
-            for (const ControlPoint& point : list.points)
-                known += (known.empty() ? "" : ", ") + point.name;
-            throw Error(ExitCode::usage, str("--checkpoints: ", list.path, " has no point '", name,
-                                             "'; expected names of ", known));
-        }
+        if (std::ranges::find(list.points, name, &ControlPoint::name) == list.points.end())
+            throw Error(ExitCode::usage, "--checkpoints: ", list.path, " has no point '", name,
+                        "'; expected names of ",
+                        joined(list.points | std::views::transform(&ControlPoint::name)));
         out.insert(name);
     }
     return out;

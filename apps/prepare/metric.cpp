@@ -1,11 +1,9 @@
-#include "apps/prepare/metric.h"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
 
-#include "core/log.h"
+#include "apps/prepare/placement.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs::prepare {

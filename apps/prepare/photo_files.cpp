@@ -1,8 +1,7 @@
-#include "apps/prepare/photo_files.h"
-
 #include <algorithm>
 #include <filesystem>
 
+#include "apps/prepare/photographs.h"
 #include "core/log.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"

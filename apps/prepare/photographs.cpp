@@ -6,7 +6,6 @@
 
 #include "apps/prepare/opencv.h"
 #include "io/files/read_file.h"
-#include "io/images/image_file.h"
 #include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {

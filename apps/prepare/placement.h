@@ -1,15 +1,17 @@
-// Puts a model into metres at its true place: by pairs of points in both frames, without outliers.
-// [docs/guide/photographs.md#true-scale-and-place]
+// Puts a model into metres: at its true place by pairs of points in both frames, without outliers,
+// or upright by square markers of known size in several photographs.
+// [docs/guide/photographs.md#true-scale-and-place, docs/guide/photographs.md#markers]
 #pragma once
 
 #include <string>
 #include <vector>
 
+#include "apps/prepare/opencv.h"
 #include "apps/prepare/photographs.h"
 #include "apps/prepare/sparse_model.h"
 #include "core/math/rigid.h"
 #include "io/files/json_value.h"
-#include "io/images/exif.h"
+#include "io/images/image_file.h"
 
 namespace tvsgs::prepare {
 
@@ -65,5 +67,27 @@ void require_places(const std::vector<Photograph>& photographs, const std::strin
 
 /// Fits the centres of the cameras to the places in EXIF, in a local frame.
 GeoFrame place_by_exif(const SparseModel& model, const std::vector<Photograph>& photographs);
+
+struct MarkerView {
+    Intrinsics camera;
+    Rigid3d camera_from_world;
+    std::vector<Marker> markers;
+};
+
+struct MetricFrame {
+    // metres; z up; the origin at the centre of the marker with the lowest number.
+    Similarity to_new;
+    int markers = 0;    // number of markers used
+    double spread = 0;  // standard deviation of their sides, relative to the size
+    // False: a marker deviates from the mean direction by 15 degrees or more, so only the scale is
+    // used.
+    bool upright = false;
+};
+
+/// `size`: side of a marker in metres. Markers lie on a floor (up is out of the paper) or hang on a
+/// wall (up is up on the paper). A corner is the point nearest to its rays. Skips markers whose
+/// rays differ by less than 2 degrees, and markers whose sides differ by more than a tenth. Throws
+/// Error(ExitCode::input) if none is left.
+MetricFrame metric_frame(const std::vector<MarkerView>& views, double size, bool on_wall);
 
 }  // namespace tvsgs::prepare

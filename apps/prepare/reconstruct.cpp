@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "apps/prepare/colmap.h"
 #include "core/device/threads.h"
@@ -167,9 +166,8 @@ std::vector<SparseModel> map_all(const Colmap& colmap,
             models.push_back(read_sparse_model(entry.path().string()));
     constexpr int kNoModel = 1;  // exit code of most versions if no pair starts a model
     if (code > kNoModel || (code != 0 && !models.empty())) colmap.fail(command, code);
-    std::ranges::sort(models, [](const SparseModel& a, const SparseModel& b) {
-        return std::pair(a.images.size(), a.points.size()) >
-               std::pair(b.images.size(), b.points.size());
+    std::ranges::sort(models, std::greater<>(), [](const SparseModel& model) {
+        return std::pair(model.images.size(), model.points.size());
     });
     step.done();
     return models;

@@ -4,7 +4,6 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 

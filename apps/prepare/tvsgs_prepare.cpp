@@ -11,7 +11,6 @@
 #include "apps/prepare/check.h"
 #include "apps/prepare/colmap.h"
 #include "apps/prepare/control_points.h"
-#include "apps/prepare/metric.h"
 #include "apps/prepare/opencv.h"
 #include "apps/prepare/photographs.h"
 #include "apps/prepare/placement.h"

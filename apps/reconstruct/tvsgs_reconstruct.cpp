@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "apps/common/command_line.h"
-#include "apps/prepare/photo_files.h"
+#include "apps/prepare/photographs.h"
 #include "apps/reconstruct/record.h"
 #include "apps/reconstruct/stages.h"
 #include "core/device/device_choice.h"

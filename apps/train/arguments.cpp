@@ -4,7 +4,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
-#include "io/config/built_in_configs.h"
+#include "io/config/config.h"
 #include "pipeline/scene/planned_scene.h"
 
 namespace tvsgs {

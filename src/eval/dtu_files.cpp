@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
-#include "io/files/mat_file.h"
+#include "io/files/npz.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
 

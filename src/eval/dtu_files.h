@@ -4,7 +4,7 @@
 #include <string>
 
 #include "eval/benchmark_files.h"
-#include "io/scene/npz_cameras.h"
+#include "io/scene/scene_layout.h"
 
 namespace tvsgs {
 

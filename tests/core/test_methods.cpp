@@ -57,7 +57,7 @@ const std::set<std::pair<std::string, std::string>> kAllowed{
     {"src/optim/loop/train.h", "ewa"},   // the default of `backbone` ...
     {"src/optim/loop/train.h", "rade"},  // ... whose help lists all names
     // Built-in configurations have the names of their files.
-    {"src/io/config/built_in_configs.h", "pgsr"},
+    {"src/io/config/config.h", "pgsr"},
     // Other ellipse splats find their tiles with the packs of EWA.
     {"src/render/rade/blend_rade.cpp", "ewa"},
 };

@@ -2,7 +2,7 @@
 #include "core/scene/image.h"
 #include "eval/eval_test.h"
 #include "io/images/image_file.h"
-#include "io/scene/npz_cameras.h"
+#include "io/scene/scene_layout.h"
 #include "io/splats/ply.h"
 
 namespace tvsgs {

@@ -1,4 +1,4 @@
-#include "io/files/mat_file.h"
+#include "io/files/npz.h"
 #include "io/io_test.h"
 #include "support/test_data.h"
 

@@ -7,7 +7,7 @@
 #include "io/images/image_file.h"
 #include "io/io_test.h"
 #include "io/scene/colmap.h"
-#include "io/scene/npz_cameras.h"
+#include "io/scene/scene_layout.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
 
@@ -253,7 +253,8 @@ TEST_F(SceneLayouts, Nerfstudio) {
     write("transforms.json", "{\"frames\": [{\"file_path\": \"../x.png\"}]}");
     expect_input_error("E_BAD_NAME");
     write("transforms.json", "{\"frames\": [");
-    expect_input_error("not a JSON object");
+    expect_input_error("E_TRANSFORMS");
+    expect_input_error("not valid JSON");
 }
 
 TEST_F(SceneLayouts, Mvsnet) {

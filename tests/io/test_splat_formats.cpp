@@ -403,7 +403,7 @@ TEST_F(Sog, RefusesDamagedFiles) {
     };
     using Files = decltype(files);
     refuses("no meta.json", [](json&, Files& f) { f[0].first = "other.json"; });
-    refuses("meta.json is damaged", [](json&, Files& f) { f[0].second = "{"; });
+    refuses("meta.json: line 1", [](json&, Files& f) { f[0].second = "{"; });
     refuses("SOG version 1", [](json& m, Files&) { m.erase("version"); });
     refuses("claims 0 splats", [](json& m, Files&) { m["count"] = 0; });
     refuses("expected 1 to", [](json& m, Files&) { m["count"] = 49000000; });

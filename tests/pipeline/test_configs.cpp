@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <map>
 
-#include "io/config/built_in_configs.h"
+#include "io/config/config.h"
 #include "pipeline/run/run_options.h"
 
 namespace tvsgs {

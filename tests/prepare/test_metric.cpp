@@ -1,7 +1,7 @@
 // Transforming a model, and the metric frame of markers.
 #include "apps/prepare/check.h"
-#include "apps/prepare/metric.h"
 #include "apps/prepare/photographs.h"
+#include "apps/prepare/placement.h"
 #include "io/scene/colmap.h"
 #include "prepare/prepare_test.h"
 

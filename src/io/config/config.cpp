@@ -13,7 +13,6 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/nearest_name.h"
-#include "io/config/built_in_configs.h"
 #include "io/files/read_file.h"
 
 namespace tvsgs {
@@ -41,7 +40,7 @@ bool is_utf8(const std::string& text) {
 
 std::string normalized(std::string_view key) {
     std::string out(trimmed(key));
-    std::replace(out.begin(), out.end(), '-', '_');
+    std::ranges::replace(out, '-', '_');
     return out;
 }
 
@@ -139,8 +138,7 @@ bool json_fits(const Json& value, Option::Kind kind) {
 
 template <class Options>
 auto find_option(Options& options, const std::string& key) {
-    const auto found = std::find_if(options.begin(), options.end(),
-                                    [&](const Option& option) { return option.key == key; });
+    const auto found = std::ranges::find(options, key, &Option::key);
     return found == options.end() ? nullptr : &*found;
 }
 
@@ -188,7 +186,7 @@ std::vector<std::string> bases_of(const Json& json, const std::string& file) {
     const Json bases = json.value("extends", Json::array());
     if (bases.is_string()) return {bases.get<std::string>()};
     const auto is_text = [](const Json& base) { return base.is_string(); };
-    if (bases.is_array() && std::all_of(bases.begin(), bases.end(), is_text))
+    if (bases.is_array() && std::ranges::all_of(bases, is_text))
         return bases.get<std::vector<std::string>>();
     throw Error(ExitCode::usage, file, ": extends = ", dumped(bases),
                 ": expected a configuration's name, a file, or a list of them");
@@ -215,7 +213,7 @@ void collect(const std::string& file,
         const std::string from =
             is_file ? (fs::path(file).parent_path() / base).lexically_normal().string()
                     : str("configs/", base, ".json");
-        if (std::find(extending.begin(), extending.end(), from) != extending.end())
+        if (std::ranges::find(extending, from) != extending.end())
             throw Error(ExitCode::usage, file, ": extends '", base,
                         "', which extends this file; remove one of the two");
         with_context(str("reading the base of ", file), [&] {
@@ -266,12 +264,12 @@ void OptionTable::read_file(const std::string& path) {
 void OptionTable::read_text(const std::string& source, const std::string& text, bool below) {
     std::vector<Leaf> leaves;
     collect(source, text, {}, leaves);
-    if (below) std::reverse(leaves.begin(), leaves.end());  // only the first occurrence sets a key
+    if (below) std::ranges::reverse(leaves);  // only the first occurrence sets a key
     for (const auto& [key, value, file] : leaves) {
         const auto in_group = [group = key + "."](const Option& option) {
             return option.key.starts_with(group);
         };
-        if (std::any_of(options_.begin(), options_.end(), in_group)) {
+        if (std::ranges::any_of(options_, in_group)) {
             if (value.is_object()) continue;  // an empty group
             throw Error(ExitCode::usage, file, ": ", key,
                         " is a group of keys; expected an object, {...}");
@@ -377,7 +375,7 @@ void OptionTable::Collector::add_choice(const char* key,
                                         const char* help) {
     auto name_of = [names, get] { return names.at(static_cast<std::size_t>(get())); };
     auto set_name = [names, set](const std::string& text) {
-        set(static_cast<int>(std::find(names.begin(), names.end(), text) - names.begin()));
+        set(static_cast<int>(std::ranges::find(names, text) - names.begin()));
     };
     table.options_.push_back(
         {str(prefix, key), help, Option::Kind::choice, {0, 0}, names, name_of, set_name});

@@ -122,4 +122,16 @@ private:
 /// numbers. Throws Error(ExitCode::input) if the file is not a JSON object.
 std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path);
 
+// The configurations of configs/ are in the program as text.
+
+/// Names of the configurations that the program itself uses.
+inline constexpr const char *kAutoConfig = "auto", *kSparseConfig = "pgsr_sparse",
+                            *kDenseConfig = "pgsr_dense";
+
+/// Sorted names of all built-in configurations.
+std::vector<std::string> built_in_configs();
+
+/// Text of configs/NAME.json. Throws Error(ExitCode::usage) that suggests the nearest name.
+const char* built_in_config(std::string_view name);
+
 }  // namespace tvsgs

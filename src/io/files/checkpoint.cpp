@@ -20,11 +20,6 @@ constexpr char kMagic[] = "TVSGSCKP";
 constexpr std::size_t kMagicBytes = 8, kFixedBytes = kMagicBytes + 4 + 4 + 8 + 4;
 constexpr std::size_t kMaxTableBytes = 1 << 20;  // enough for a few hundred names
 
-template <class T>
-void put(std::string& out, T value) {
-    out.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
 /// Reads values from the front of a text. Reading beyond its end is an error.
 struct Reader {
     const std::string& path;

@@ -18,8 +18,4 @@ inline nlohmann::json parse_json(std::string_view text, const std::string& where
     return nlohmann::json::parse(text, limit_depth, /*allow_exceptions=*/false);
 }
 
-inline nlohmann::json read_json_file(const std::string& path) {
-    return parse_json(read_bytes(path), path);
-}
-
 }  // namespace tvsgs

@@ -52,7 +52,7 @@ std::string json_fault(std::string_view text, std::size_t bytes) {
     };
     while (at > 0 && in_word(at) && in_word(at - 1)) --at;
     const std::string_view before = text.substr(0, at);
-    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+    const auto line = 1 + std::ranges::count(before, '\n');
     const std::size_t column = at - (before.rfind('\n') + 1) + 1;  // npos + 1 is 0
     const std::string_view rest = text.substr(at);
     const std::string near =

@@ -29,7 +29,7 @@ std::string entry_of(const fs::path& folder, const fs::path& file) {
     const fs::path whole = fs::weakly_canonical(fs::absolute(file), code),
                    outer = fs::weakly_canonical(fs::absolute(folder), code);
     std::string text = whole.lexically_relative(outer).generic_string();
-    std::replace(text.begin(), text.end(), '\n', '\r');
+    std::ranges::replace(text, '\n', '\r');
     return text;
 }
 
@@ -72,8 +72,7 @@ void start_manifest(const fs::path& folder) {
 }
 
 bool has_manifest(const fs::path& folder) {
-    std::error_code code;
-    return fs::is_regular_file(list_of(folder), code);
+    return is_file(list_of(folder));
 }
 
 std::optional<fs::path> folder_with_manifest(const fs::path& file) {
@@ -87,7 +86,7 @@ std::optional<fs::path> folder_with_manifest(const fs::path& file) {
 
 bool is_listed(const fs::path& folder, const fs::path& file) {
     const std::vector<std::string> entries = entries_of(folder);
-    return std::find(entries.begin(), entries.end(), entry_of(folder, file)) != entries.end();
+    return std::ranges::find(entries, entry_of(folder, file)) != entries.end();
 }
 
 bool holds_listed_files(const fs::path& folder) {
@@ -119,15 +118,14 @@ void require_not_results_file(const fs::path& file) {
     constexpr std::string_view kFolders[] = {"point_cloud", "checkpoints", "gt",
                                              "images",      "masks",       "sparse"};
     const auto has = [](const auto& names, const std::string& name) {
-        return std::find(std::begin(names), std::end(names), name) != std::end(names);
+        return std::ranges::find(names, name) != std::end(names);
     };
     std::error_code code;
     const auto folder = folder_with_manifest(file);
     if (!folder || !fs::is_regular_file(file, code) || !is_listed(*folder, file)) return;
     const fs::path entry = entry_of(*folder, file);
-    const bool deep = std::any_of(entry.begin(), entry.end(), [&](const fs::path& part) {
-        return has(kFolders, part.string());
-    });
+    const bool deep = std::ranges::any_of(
+        entry, [&](const fs::path& part) { return has(kFolders, part.string()); });
     if (deep || has(kFiles, entry.filename().string()))
         throw Error(ExitCode::usage, file.string(), ": ", folder->string(),
                     " needs this file; choose another name");
@@ -151,8 +149,8 @@ void remove_listed_files(const fs::path& folder) {
     std::vector<fs::path> parents;
     std::vector<std::string> entries = entries_of(folder);
     // Last: a run that is killed here must remain a run, which can start again.
-    std::stable_partition(entries.begin(), entries.end(),
-                          [](const std::string& entry) { return entry != "config.json"; });
+    std::ranges::stable_partition(entries,
+                                  [](const std::string& entry) { return entry != "config.json"; });
     for (const std::string& entry : entries) {
         const fs::path file = folder / entry;
         // Ignores paths outside the folder, in case somebody edited the list.
@@ -163,7 +161,7 @@ void remove_listed_files(const fs::path& folder) {
     }
     fs::remove(list_of(folder), code);
     // Deepest first. A folder that is not empty stays.
-    std::sort(parents.begin(), parents.end(), [](const fs::path& a, const fs::path& b) {
+    std::ranges::sort(parents, [](const fs::path& a, const fs::path& b) {
         return a.native().size() > b.native().size();
     });
     for (const fs::path& parent : parents)

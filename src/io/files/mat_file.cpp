@@ -1,16 +1,14 @@
-#include "io/files/mat_file.h"
-
 #include <matio.h>
 #include <sys/mman.h>
 #include <unistd.h>
 #include <zlib.h>
 
-#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <memory>
 #include <utility>
 
+#include "io/files/npz.h"
 #include "io/files/number_types.h"
 #include "io/files/read_file.h"
 

@@ -61,20 +61,6 @@ Header parse_header(std::string_view text, const std::string& name) {
     return header;
 }
 
-void append_utf8(std::string& text, std::uint32_t c) {
-    const auto byte = [&text](std::uint32_t value) { text += static_cast<char>(value); };
-    if (c < 0x80) {
-        byte(c);
-    } else if (c < 0x800) {
-        byte(0xc0 | c >> 6), byte(0x80 | (c & 63));
-    } else if (c < 0x10000) {
-        byte(0xe0 | c >> 12), byte(0x80 | (c >> 6 & 63)), byte(0x80 | (c & 63));
-    } else {
-        byte(0xf0 | (c >> 18 & 7)), byte(0x80 | (c >> 12 & 63)), byte(0x80 | (c >> 6 & 63)),
-            byte(0x80 | (c & 63));
-    }
-}
-
 /// Row-major position of the entry at `position` in Fortran order.
 std::size_t row_major(std::size_t position, const std::vector<std::int64_t>& shape) {
     std::size_t result = 0, stride = 1;
@@ -142,7 +128,7 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     if (text) {
         for (std::size_t i = 0; i < size; i += 4)
             if (const auto c = load<std::uint32_t>(data.data() + i); c != 0)
-                append_utf8(array.text, c);
+                array.text += c < 0x80 ? static_cast<char>(c) : '?';
         return array;
     }
     array.numbers.resize(count);

@@ -1,4 +1,4 @@
-// NumPy arrays: .npy and .npz files; safetensors files.
+// Arrays of numbers in files: .npy and .npz of NumPy, safetensors, MATLAB.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,7 @@ namespace tvsgs {
 struct NpyArray {
     std::vector<std::int64_t> shape;  // empty: a scalar
     std::vector<double> numbers;      // [product of shape]; empty for text
-    std::string text;                 // a scalar Unicode string as UTF-8
-
+    std::string text;                 // a scalar string; '?' for characters beyond ASCII
     bool is_text = false;
     std::int64_t size() const;
 };
@@ -46,5 +45,18 @@ NpzArchive read_tensors(const std::string& path);
 
 /// The array with this name. Throws Error(ExitCode::input) that lists the existing names.
 const NpyArray& find_array(const NpzArchive& archive, const std::string& name);
+
+// MATLAB v5 to v7, by libmatio; in the library tvsgs_mat.
+
+/// A column-major array, as MATLAB stores it. All numeric and logical types become double.
+struct MatArray {
+    std::vector<std::int64_t> shape;
+    std::vector<double> numbers;  // [product of shape]
+};
+
+/// Reads one variable of a file. Throws Error(ExitCode::input): E_MAT if the file is damaged, has
+/// no such variable, or the variable is not a real numeric array of at most 2^28 entries; E_MAT_V73
+/// for HDF5 files.
+MatArray read_mat_array(const std::string& path, const std::string& name);
 
 }  // namespace tvsgs

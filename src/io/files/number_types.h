@@ -1,4 +1,4 @@
-// Types of numbers stored in files of arrays, read as double.
+// Types of numbers in binary files: their bytes, and numbers of arrays read as double.
 #pragma once
 
 #include <algorithm>
@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <cstring>
 #include <iterator>
+#include <string>
+#include <type_traits>
 
 namespace tvsgs {
 
@@ -23,6 +25,12 @@ T load(const char* bytes) {
     T value;
     std::memcpy(&value, bytes, sizeof value);
     return value;
+}
+/// Appends the bytes of a number.
+template <class T>
+void put(std::string& out, const T& value) {
+    static_assert(std::is_arithmetic_v<T>);
+    out.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 template <class T>
 double load_double(const char* bytes) {
@@ -51,9 +59,8 @@ inline constexpr NumberType kNumberTypes[] = {
 
 /// Null if there is no such type.
 inline const NumberType* find_number_type(char kind, std::size_t bytes) {
-    const auto* const found =
-        std::find_if(std::begin(kNumberTypes), std::end(kNumberTypes),
-                     [&](const NumberType& t) { return t.kind == kind && t.bytes == bytes; });
+    const auto* const found = std::ranges::find_if(
+        kNumberTypes, [&](const NumberType& t) { return t.kind == kind && t.bytes == bytes; });
     return found == std::end(kNumberTypes) ? nullptr : found;
 }
 

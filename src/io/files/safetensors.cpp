@@ -73,7 +73,7 @@ NpzArchive read_safetensors(const std::string& path) {
         if (begin < end) ranges.emplace_back(begin, end);
         archive.emplace(name, std::move(array));
     }
-    std::sort(ranges.begin(), ranges.end());
+    std::ranges::sort(ranges);
     for (std::size_t i = 1; i < ranges.size(); ++i)
         if (ranges[i].first < ranges[i - 1].second) throw damaged("tensors overlap");
     return archive;

@@ -1,5 +1,3 @@
-#include "io/images/exif.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "io/files/read_file.h"
+#include "io/images/image_file.h"
 
 namespace tvsgs {
 namespace {

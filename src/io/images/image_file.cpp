@@ -180,6 +180,11 @@ std::uint8_t to_byte(float value) {
     return static_cast<std::uint8_t>(std::clamp(value + 0.5f, 0.0f, 255.0f));
 }
 
+Error encoding_error(const char* format, const ImageU8& image, const std::string& reason = "") {
+    return Error(ExitCode::internal, "encoding a ", format, " of ", image.width, "x", image.height,
+                 "x", image.channels, " failed", reason);
+}
+
 void append_bytes(void* out, void* data, int size) {
     static_cast<std::string*>(out)->append(static_cast<const char*>(data),
                                            static_cast<std::size_t>(size));
@@ -236,8 +241,7 @@ std::string png_bytes(const ImageU8& image) {
     std::string bytes;
     if (!stbi_write_png_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
                                 image.pixels.data(), image.width * image.channels))
-        throw Error(ExitCode::internal, "encoding a PNG of ", image.width, "x", image.height, "x",
-                    image.channels, " failed");
+        throw encoding_error("PNG", image);
     return bytes;
 }
 
@@ -245,8 +249,7 @@ std::string jpeg_bytes(const ImageU8& image, int quality) {
     std::string bytes;
     if (!stbi_write_jpg_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
                                 image.pixels.data(), quality))
-        throw Error(ExitCode::internal, "encoding a JPEG of ", image.width, "x", image.height, "x",
-                    image.channels, " failed");
+        throw encoding_error("JPEG", image);
     return bytes;
 }
 
@@ -256,9 +259,7 @@ std::string webp_bytes(const ImageU8& image, int quality) {
                                            3 * image.width, static_cast<float>(quality), &encoded);
     std::string bytes(reinterpret_cast<const char*>(encoded), size);
     WebPFree(encoded);
-    if (size == 0)
-        throw Error(ExitCode::internal, "encoding a WebP of ", image.width, "x", image.height,
-                    " failed");
+    if (size == 0) throw encoding_error("WebP", image);
     return bytes;
 }
 
@@ -279,8 +280,7 @@ std::string webp_lossless_bytes(const ImageU8& image) {
     picture.writer = WebPMemoryWrite, picture.custom_ptr = static_cast<WebPMemoryWriter*>(&memory);
     if (!known || !WebPPictureImportRGBA(&picture, image.pixels.data(), 4 * image.width) ||
         !WebPEncode(&config, &picture))
-        throw Error(ExitCode::internal, "encoding a WebP of ", image.width, "x", image.height,
-                    " failed: error ", picture.error_code);
+        throw encoding_error("WebP", image, str(": error ", picture.error_code));
     return {reinterpret_cast<const char*>(memory.mem), memory.size};
 }
 

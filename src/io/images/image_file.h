@@ -1,4 +1,4 @@
-// Reading, writing and resizing of images.
+// Reading, writing and resizing of images; camera data of photographs from EXIF.
 #pragma once
 
 #include <optional>
@@ -57,5 +57,31 @@ ImageU8 resize_bicubic(const ImageU8& image, int width, int height);
 
 /// Nearest neighbour; for masks.
 ImageU8 resize_nearest(const ImageU8& image, int width, int height);
+
+/// A place on Earth by WGS84: degrees to the north and to the east, and metres above the ellipsoid
+/// or the sea.
+struct GeodeticPlace {
+    double latitude_deg = 0, longitude_deg = 0, height_m = 0;
+};
+
+/// Camera data of one photograph.
+struct Exif {
+    int orientation = 1;                 // 1 to 8
+    std::string camera;                  // maker and model, or empty
+    double focal_mm = 0;                 // 0: unknown
+    std::optional<GeodeticPlace> place;  // of the camera; empty: unknown or without a height
+};
+
+/// Reads the first bytes of a JPEG, which must include the segments before the pixels. Never
+/// throws; damaged entries keep their defaults.
+Exif read_exif(std::string_view jpeg);
+
+/// True for orientations that swap width and height.
+inline bool swaps_sides(int orientation) {
+    return orientation >= 5;
+}
+
+/// The image as viewers show it, for orientations that swap width and height (5 to 8).
+ImageU8 turned(const ImageU8& image, int orientation);
 
 }  // namespace tvsgs

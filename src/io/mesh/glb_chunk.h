@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <type_traits>
 
 #include "core/math/vec.h"
+#include "io/files/number_types.h"
 
 namespace tvsgs::glb {
 
@@ -23,12 +23,7 @@ inline constexpr int kLinear = 9729, kLinearMipmapLinear = 9987, kClampToEdge = 
 
 static_assert(std::endian::native == std::endian::little, "glTF is little-endian");
 
-/// Appends the bytes of a value.
-template <class T>
-void put(std::string& out, const T& value) {
-    static_assert(std::is_arithmetic_v<T>);
-    out.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
+using tvsgs::put;
 inline void put(std::string& out, Vec3f v) {
     put(out, v.x), put(out, v.y), put(out, v.z);
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/error.h"
 #include "io/files/number_types.h"
 
 namespace tvsgs {
@@ -30,8 +29,7 @@ GlbDocument::GlbDocument(const std::string& path, std::string_view bytes) : path
 void GlbDocument::check_extensions(std::initializer_list<const char*> known) const {
     for (const json& required : list(doc_, "extensionsRequired")) {
         const std::string name = required.is_string() ? required.get<std::string>() : "";
-        if (std::none_of(known.begin(), known.end(),
-                         [&](const char* begin) { return name.starts_with(begin); }))
+        if (std::ranges::none_of(known, [&](const char* begin) { return name.starts_with(begin); }))
             fail("needs the unknown extension '", shown(name), "'; save it without compression");
     }
 }
@@ -117,8 +115,7 @@ std::vector<double> GlbDocument::numbers(const json& object,
     for (const json& number : list(object, key))
         out.push_back(number.is_number() ? number.get<double>() : NAN);
     if (out.empty()) return out;
-    if (out.size() != count ||
-        !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); }))
+    if (out.size() != count || !std::ranges::all_of(out, [](double v) { return std::isfinite(v); }))
         fail("\"", key, "\": expected ", count, " finite numbers");
     return out;
 }

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "core/scene/mesh.h"
 #include "io/splats/ply.h"
@@ -71,5 +72,20 @@ void check_size(const std::string& path, std::size_t found, std::size_t expected
 PlyContents read_mesh(const std::string& path, Vec3d origin = {}, bool want_colors = true);
 /// Like read_ply_geometry().
 PlyGeometry read_mesh_geometry(const std::string& path);
+
+// Parts of write_mesh() and read_mesh().
+
+/// Encodes the image of a texture as a file.
+std::string encode_texture(const ImageU8& image, TextureFormat format);
+
+/// The bytes of a GLB. Throws Error(ExitCode::input) beyond the format's 4 GiB.
+std::string glb_bytes(const std::string& path,
+                      const TriangleMesh& mesh,
+                      const MeshTexture& texture,
+                      const MeshFileOptions& options);
+
+/// Positions are in the frame of the file, or of the scene for files of tvsgs. Throws
+/// Error(ExitCode::input).
+PlyGeometry read_glb(const std::string& path, std::string_view bytes, bool want_colors);
 
 }  // namespace tvsgs

@@ -8,7 +8,7 @@
 #include "core/math/rigid.h"
 #include "io/images/image_file.h"
 #include "io/mesh/glb_document.h"
-#include "io/mesh/mesh_glb.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 namespace {
@@ -211,8 +211,8 @@ private:
         };
         for (const Vec3d p : out_.positions)
             if (!is_finite(p)) return;
-        std::sort(order.begin(), order.end(),
-                  [&](int a, int b) { return key(a) < key(b) || (!(key(b) < key(a)) && a < b); });
+        std::ranges::sort(
+            order, [&](int a, int b) { return key(a) < key(b) || (!(key(b) < key(a)) && a < b); });
         std::vector<int> joined(order.size());
         for (std::size_t k = 0; k < order.size(); ++k)  // to the first at its position
             joined[order[k]] =

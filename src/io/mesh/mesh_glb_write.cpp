@@ -3,7 +3,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "io/mesh/glb_chunk.h"
-#include "io/mesh/mesh_glb.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 namespace {

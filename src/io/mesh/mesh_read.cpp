@@ -1,5 +1,5 @@
 #include "io/files/read_file.h"
-#include "io/mesh/mesh_glb.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 namespace {

@@ -3,15 +3,15 @@
 #include <cctype>
 #include <charconv>
 #include <cstring>
+#include <deque>
 #include <filesystem>
-#include <memory>
 
 #include "core/error.h"
 #include "core/version.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
-#include "io/mesh/mesh_glb.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 namespace {
@@ -97,22 +97,6 @@ std::string obj_text(const TriangleMesh& mesh,
     return out;
 }
 
-/// Files that belong together. No file appears under its name before all are on the disk.
-class FileGroup {
-public:
-    void add(const std::string& path, const std::string& bytes) {
-        files_.push_back(std::make_unique<AtomicFile>(path));
-        files_.back()->write(bytes);
-        files_.back()->flush();
-    }
-    void commit() {
-        for (const auto& file : files_) file->commit();
-    }
-
-private:
-    std::vector<std::unique_ptr<AtomicFile>> files_;
-};
-
 }  // namespace
 
 std::optional<MeshFormat> mesh_format(const std::string& path) {
@@ -189,21 +173,25 @@ void write_mesh(const std::string& path,
         throw Error(ExitCode::internal, path, ": not written: ", texture.faces.size(),
                     " textured faces of ", mesh.faces.size());
     if (!texture.empty()) require_texture_format(path, options.texture_format);
-    FileGroup files;
+    // No file appears under its name before all are on the disk.
+    std::deque<AtomicFile> files;
+    const auto add = [&](const std::string& file, const std::string& bytes) {
+        files.emplace_back(file).write(bytes);
+        files.back().flush();
+    };
     if (format == MeshFormat::glb) {
-        files.add(path, glb_bytes(path, mesh, texture, options));
+        add(path, glb_bytes(path, mesh, texture, options));
     } else if (texture.empty()) {
-        files.add(path, obj_text(mesh, texture, options, ""));
+        add(path, obj_text(mesh, texture, options, ""));
     } else {
         const std::vector<std::string> names = mesh_files(path, true, options.texture_format);
-        files.add(names[0], with_signature(encode_texture(texture.image, options.texture_format),
-                                           options.texture_format));
-        files.add(names[1],
-                  str("# ", kVersion, "\nnewmtl photographs\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0",
-                      "\nillum 0\nmap_Kd ", name_of(names[0]), "\n"));
-        files.add(path, obj_text(mesh, texture, options, name_of(names[1])));
+        add(names[0], with_signature(encode_texture(texture.image, options.texture_format),
+                                     options.texture_format));
+        add(names[1], str("# ", kVersion, "\nnewmtl photographs\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0",
+                          "\nillum 0\nmap_Kd ", name_of(names[0]), "\n"));
+        add(path, obj_text(mesh, texture, options, name_of(names[1])));
     }
-    files.commit();
+    for (AtomicFile& file : files) file.commit();
 }
 
 }  // namespace tvsgs

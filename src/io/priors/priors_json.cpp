@@ -32,7 +32,7 @@ struct Document {
                const JsonValue& object,
                std::initializer_list<std::string_view> keys) const {
         for (const auto& [key, value] : object.members)
-            if (std::find(keys.begin(), keys.end(), key) == keys.end())
+            if (std::ranges::find(keys, key) == keys.end())
                 throw wrong(where, "unknown key '", shown(key), "'; expected one of ",
                             joined(keys));
     }
@@ -44,7 +44,7 @@ struct Document {
                int fallback) const {
         const JsonValue& value = object[key];
         if (!value) return fallback;
-        const auto at = std::find(words.begin(), words.end(), value.text);
+        const auto at = std::ranges::find(words, value.text);
         if (value.is(Kind::text) && at != words.end()) return static_cast<int>(at - words.begin());
         throw wrong(where, key, " is '", shown(value.text), "'; expected ", joined(words));
     }

@@ -35,33 +35,6 @@ constexpr CameraModel kModels[] = {
 // Largest half field of view of a useful pinhole image: 60 degrees.
 const double kMaxFisheyeRadius = std::tan(1.0471975511965976);
 
-}  // namespace
-
-const CameraModel* find_camera_model(int id) {
-    const auto* const found =
-        std::find_if(std::begin(kModels), std::end(kModels), [&](auto& m) { return m.id == id; });
-    return found == std::end(kModels) ? nullptr : found;
-}
-
-const CameraModel* find_camera_model(std::string_view name) {
-    const auto* const found = std::find_if(std::begin(kModels), std::end(kModels),
-                                           [&](auto& m) { return m.name == name; });
-    return found == std::end(kModels) ? nullptr : found;
-}
-
-void throw_camera_model(const std::string& path,
-                        std::uint32_t camera_id,
-                        const std::string& model) {
-    throw input_error(
-        "E_CAMERA_MODEL: ", path, ": camera ", camera_id, " uses ", model,
-        "; expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, "
-        "OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE, SIMPLE_FISHEYE "
-        "or FISHEYE. Run \"colmap image_undistorter\" and give its output folder, or calibrate "
-        "with one of these models.");
-}
-
-namespace {
-
 /// Size of a pinhole's pixel in pixels of the photograph; 0 if the pixel shows nothing.
 double area_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
     const Vec2<double> uv{(x - in.cx_px) / in.fx_px, (y - in.cy_px) / in.fy_px};
@@ -81,6 +54,27 @@ double area_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& pla
 }
 
 }  // namespace
+
+const CameraModel* find_camera_model(int id) {
+    const auto* const found = std::ranges::find(kModels, id, &CameraModel::id);
+    return found == std::end(kModels) ? nullptr : found;
+}
+
+const CameraModel* find_camera_model(std::string_view name) {
+    const auto* const found = std::ranges::find(kModels, name, &CameraModel::name);
+    return found == std::end(kModels) ? nullptr : found;
+}
+
+void throw_camera_model(const std::string& path,
+                        std::uint32_t camera_id,
+                        const std::string& model) {
+    throw input_error(
+        "E_CAMERA_MODEL: ", path, ": camera ", camera_id, " uses ", model,
+        "; expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, "
+        "OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE, SIMPLE_FISHEYE "
+        "or FISHEYE. Run \"colmap image_undistorter\" and give its output folder, or calibrate "
+        "with one of these models.");
+}
 
 bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
     return area_in_photo(in, x, y, place) > 0;
@@ -135,7 +129,7 @@ Intrinsics make_intrinsics(const std::string& path,
     if (std::abs(in.cx_px) > kLargest || std::abs(in.cy_px) > kLargest)
         throw input_error("E_CAMERA_PARAMS: ", where, ": principal point (", in.cx_px, ", ",
                           in.cy_px, "); expected pixels, near the middle of the image");
-    if (!std::all_of(params.begin(), params.end(), [](double p) { return std::isfinite(p); }))
+    if (!std::ranges::all_of(params, [](double p) { return std::isfinite(p); }))
         throw input_error("E_CAMERA_PARAMS: ", where, ": a parameter is not a finite number");
     const double size = static_cast<double>(std::max(width, height));
     for (const double f : {in.fx_px, in.fy_px})
@@ -149,8 +143,8 @@ Intrinsics make_intrinsics(const std::string& path,
         spdlog::warn("{}: principal point ({}, {}) is outside the image; is the calibration right?",
                      where, in.cx_px, in.cy_px);
 
-    const bool zero = d.p1 == 0 && d.p2 == 0 &&
-                      std::all_of(std::begin(d.k), std::end(d.k), [](double c) { return c == 0; });
+    const bool zero =
+        d.p1 == 0 && d.p2 == 0 && std::ranges::all_of(d.k, [](double c) { return c == 0; });
     if (d.kind != fisheye && zero) d.kind = none;
     constexpr double kLeastShare = 0.2;
     if (d.kind != none)

@@ -43,10 +43,6 @@ public:
         }
         return static_cast<std::size_t>(count);
     }
-    void skip(std::size_t bytes) {
-        need(bytes);
-        offset_ += bytes;
-    }
     void start_record(std::size_t number) { record_ = number; }
     void finish() const {
         if (left() > 0) spdlog::warn("{}: ignored {} bytes after the last record", path_, left());
@@ -289,7 +285,6 @@ struct PointCollector {
                          grouped(dropped));
         return std::move(points);
     }
-    PointCollector() { points.track_begin.push_back(0); }
 };
 
 ColmapPoints read_points(BinaryReader&& in) {
@@ -371,10 +366,7 @@ ColmapModel read_colmap_model(const std::string& folder) {
 
 ColmapPoints read_colmap_points(const std::string& folder) {
     const auto path = find_file(folder, "points3D");
-    if (!path) {
-        PointCollector none;
-        return std::move(none.points);
-    }
+    if (!path) return {};
     return with_reader(*path, [](auto&& in) { return read_points(std::move(in)); });
 }
 

@@ -30,7 +30,7 @@ struct ColmapModel {
 struct ColmapPoints {
     std::vector<Vec3d> positions;
     std::vector<Vec3f> colors;                     // [0, 1]
-    std::vector<std::size_t> track_begin;          // [N + 1] into track
+    std::vector<std::size_t> track_begin{0};       // [N + 1] into track
     std::vector<std::uint32_t> track;              // ids of the images that observe the point
     std::vector<std::uint32_t> track_observation;  // [as track] index into `observations`
 };

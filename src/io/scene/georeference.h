@@ -12,8 +12,8 @@
 namespace tvsgs {
 
 struct Georeference {
-    std::string projection;  // EPSG:n, or a PROJ string; one line
-    Vec3d origin;            // Scene::origin, in the projection
+    std::string projection{};  // EPSG:n, or a PROJ string; one line
+    Vec3d origin{};            // Scene::origin, in the projection
 };
 
 /// A list of three numbers; NaN where it is something else.

@@ -4,7 +4,8 @@
 #include <filesystem>
 #include <optional>
 
-#include "io/files/json_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "io/scene/scene_layout.h"
 
@@ -12,38 +13,35 @@ namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 /// One file. Each error names it.
 struct TransformsReader {
     std::string path;
-    json file;
+    JsonValue file;
 
-    explicit TransformsReader(const std::string& p) : path(p), file(read_json_file(p)) {
-        if (!file.is_object()) throw wrong("not a JSON object");
-        if (!file.contains("frames") || !file["frames"].is_array() || file["frames"].empty())
-            throw wrong("no frames; expected a list \"frames\"");
+    explicit TransformsReader(const std::string& p)
+        : path(p), file(parse_json_value(read_bytes(p), "E_TRANSFORMS: " + p)) {
+        if (!file.is(JsonValue::Kind::object)) throw wrong("not a JSON object");
+        if (file["frames"].items.empty()) throw wrong("no frames; expected a list \"frames\"");
     }
     template <class... Parts>
     Error wrong(const Parts&... what) const {
         return input_error("E_TRANSFORMS: ", path, ": ", what...);
     }
     /// A number of the frame; else of the file.
-    std::optional<double> number(const json& frame, const char* key) const {
-        for (const json* object : {&frame, &file})
-            if (object->contains(key)) {
-                if (!(*object)[key].is_number()) throw wrong("'", key, "' is not a number");
-                return (*object)[key].get<double>();
-            }
-        return std::nullopt;
+    std::optional<double> number(const JsonValue& frame, const char* key) const {
+        const JsonValue& found = frame[key] ? frame[key] : file[key];
+        if (!found) return std::nullopt;
+        if (!found.is(JsonValue::Kind::number)) throw wrong("'", key, "' is not a number");
+        return found.number;
     }
-    std::string text(const json& object, const char* key) const {
-        if (!object.contains(key)) return "";
-        if (!object[key].is_string()) throw wrong("'", key, "' is not text");
-        return object[key].get<std::string>();
+    std::string text(const JsonValue& object, const char* key) const {
+        const JsonValue& found = object[key];
+        if (found && !found.is(JsonValue::Kind::text)) throw wrong("'", key, "' is not text");
+        return found.text;
     }
     /// The file's name relative to the scene.
-    std::string name(const json& frame, const char* key) const {
+    std::string name(const JsonValue& frame, const char* key) const {
         const fs::path clean = fs::path(text(frame, key)).lexically_normal();
         const std::string found = clean.generic_string();
         if (found.empty() || clean.is_absolute() || found.starts_with("..") || found.size() > 4096)
@@ -53,20 +51,19 @@ struct TransformsReader {
     }
     /// Converts camera-to-world with x right, y up, z backwards to world-to-camera with y down, z
     /// forward.
-    Rigid3d pose(const json& frame, const std::string& image) const {
+    Rigid3d pose(const JsonValue& frame, const std::string& image) const {
         const std::string where = str(path, ": frame '", image, "'");
-        if (!frame.contains("transform_matrix")) throw wrong("a frame has no transform_matrix");
-        const json& m = frame["transform_matrix"];
-        bool fits = m.is_array() && (m.size() == 3 || m.size() == 4);
+        if (!frame["transform_matrix"]) throw wrong("a frame has no transform_matrix");
+        const std::vector<JsonValue>& rows = frame["transform_matrix"].items;
+        bool fits = rows.size() == 3 || rows.size() == 4;
         Mat3<double> R;
         Vec3d t;
         for (int r = 0; r < 3 && fits; ++r) {
-            const json& row = m[static_cast<std::size_t>(r)];
-            fits = row.is_array() && row.size() == 4;
+            const std::vector<JsonValue>& row = rows[static_cast<std::size_t>(r)].items;
+            fits = row.size() == 4;
             for (int c = 0; c < 4 && fits; ++c) {
-                const json& entry = row[static_cast<std::size_t>(c)];
                 // JSON has no NaN and writes null instead.
-                const double v = entry.is_number() ? entry.get<double>() : std::nan("");
+                const double v = row[static_cast<std::size_t>(c)].number_or(std::nan(""));
                 if (c == 3)
                     t[r] = v;
                 else
@@ -76,7 +73,7 @@ struct TransformsReader {
         if (!fits) throw wrong("transform_matrix: expected 4x4 or 3x4 numbers");
         return inverse(checked_pose(R, t, where));
     }
-    Intrinsics camera(const json& frame, const std::string& image) const {
+    Intrinsics camera(const JsonValue& frame, const std::string& image) const {
         std::optional<double> w = number(frame, "w"), h = number(frame, "h");
         if (!w || !h) {
             const ImageSize size = read_image_size(image);
@@ -93,8 +90,8 @@ struct TransformsReader {
         const auto value = [&](const char* key, double fallback) {
             return number(frame, key).value_or(fallback);
         };
-        const std::string model_name = frame.contains("camera_model") ? text(frame, "camera_model")
-                                                                      : text(file, "camera_model");
+        const std::string model_name =
+            frame["camera_model"] ? text(frame, "camera_model") : text(file, "camera_model");
         std::vector<double> params = {*fx, fy.value_or(*fx), value("cx", 0.5 * *w),
                                       value("cy", 0.5 * *h)};
         const char* model = "OPENCV";
@@ -129,8 +126,7 @@ std::string with_extension(const fs::path& folder, const std::string& name) {
 
 SceneLayout read_blender_layout(const SceneOptions& options) {
     const fs::path scene(options.path);
-    SceneLayout layout =
-        empty_layout("blender", (scene / "transforms_train.json").string(), options.path);
+    SceneLayout layout{"blender", (scene / "transforms_train.json").string(), options.path};
     layout.alpha_on_black = true;
     for (const bool test : {false, true}) {
         const std::string path =
@@ -138,17 +134,17 @@ SceneLayout read_blender_layout(const SceneOptions& options) {
         if (test && !fs::exists(path)) break;
         const TransformsReader in(path);
         std::optional<ImageSize> size;  // read once for all frames: some files may be missing
-        for (const json& frame : in.file["frames"]) {
+        for (const JsonValue& frame : in.file["frames"].items) {
             const std::string name = with_extension(scene, in.name(frame, "file_path"));
             if (!size && fs::exists(scene / name)) size = read_image_size((scene / name).string());
         }
         if (!size)
-            throw input_error("E_NO_IMAGES: ", path, ": none of its ", in.file["frames"].size(),
-                              " images is in ", options.path);
-        for (const json& frame : in.file["frames"]) {
+            throw input_error("E_NO_IMAGES: ", path, ": none of its ",
+                              in.file["frames"].items.size(), " images is in ", options.path);
+        for (const JsonValue& frame : in.file["frames"].items) {
             const std::string name = with_extension(scene, in.name(frame, "file_path"));
-            json sized = frame;
-            sized["w"] = size->width, sized["h"] = size->height;
+            JsonValue sized = frame;
+            sized.set("w", size->width), sized.set("h", size->height);
             add_view(layout, name, in.camera(sized, name), in.pose(frame, name));
             (test ? layout.test : layout.train).push_back(name);
         }
@@ -159,32 +155,31 @@ SceneLayout read_blender_layout(const SceneOptions& options) {
 
 SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
     const fs::path scene(options.path);
-    SceneLayout layout =
-        empty_layout("nerfstudio", (scene / "transforms.json").string(), options.path);
+    SceneLayout layout{"nerfstudio", (scene / "transforms.json").string(), options.path};
     const TransformsReader in(layout.source);
-    const auto listed = [&](const json& frame, const char* key) {
+    const auto listed = [&](const JsonValue& frame, const char* key) {
         std::string name = in.name(frame, key);
         // --images names another folder of the same photographs, such as images_2.
         if (options.images != "images" && name.starts_with("images/"))
             name = options.images + name.substr(6);
         return with_extension(scene, name);
     };
-    for (const json& frame : in.file["frames"]) {
+    for (const JsonValue& frame : in.file["frames"].items) {
         const std::string name = listed(frame, "file_path");
         const std::string file = (scene / name).string();
         const bool sized = in.number(frame, "w") && in.number(frame, "h");
         if (!sized && !fs::exists(file)) continue;  // without the file its camera is unknown
         add_view(layout, name, in.camera(frame, file), in.pose(frame, name));
-        if (frame.contains("mask_path"))
+        if (frame["mask_path"])
             layout.masks.emplace(name, (scene / in.name(frame, "mask_path")).string());
     }
     for (const auto& [key, list] :
          {std::pair{"train_filenames", &layout.train}, {"test_filenames", &layout.test}}) {
-        if (!in.file.contains(key) || !in.file[key].is_array()) continue;
-        for (const json& entry : in.file[key])
-            if (entry.is_string()) list->push_back(listed(json{{"name", entry}}, "name"));
+        for (const JsonValue& entry : in.file[key].items)
+            if (entry.is(JsonValue::Kind::text))
+                list->push_back(listed(JsonValue().add("name", entry), "name"));
     }
-    if (in.file.contains("ply_file_path"))
+    if (in.file["ply_file_path"])
         layout.points = (scene / in.name(in.file, "ply_file_path")).string();
     return finished(std::move(layout));
 }

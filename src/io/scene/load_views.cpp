@@ -10,7 +10,6 @@
 #include "core/log.h"
 #include "core/progress.h"
 #include "io/files/read_file.h"
-#include "io/images/exif.h"
 #include "io/images/image_file.h"
 #include "io/scene/scene_reader.h"
 
@@ -97,7 +96,7 @@ void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
 
 /// True if the mask covers the whole image.
 bool is_whole(const ImageU8& mask) {
-    return std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; });
+    return std::ranges::all_of(mask.pixels, [](auto a) { return a == 255; });
 }
 
 View load_view(const ViewSource& source,
@@ -227,9 +226,7 @@ void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vect
         if (!sources[i].mask_file) continue;
         const auto& pixels = views[i].mask.pixels;
         ++masked;
-        if (std::any_of(pixels.begin(), pixels.end(),
-                        [](auto value) { return value >= kObjectMask; }))
-            continue;
+        if (std::ranges::any_of(pixels, [](auto value) { return value >= kObjectMask; })) continue;
         ++empty;
         if (!first) first = &sources[i];
     }
@@ -238,8 +235,7 @@ void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vect
     spdlog::warn(
         "{} of {} masks are empty, such as {}: its largest value is {}, and the object needs 128 "
         "to 255; a mesh gets nothing from these photographs",
-        empty, masked, *first->mask_file,
-        *std::max_element(mask.pixels.begin(), mask.pixels.end()));
+        empty, masked, *first->mask_file, *std::ranges::max_element(mask.pixels));
 }
 
 }  // namespace tvsgs

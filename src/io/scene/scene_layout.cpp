@@ -45,11 +45,7 @@ SceneLayout read_colmap_layout(const SceneOptions& options) {
         }
         if (std::string(folder) == "sparse/0" && has(scene, "sparse/1"))
             spdlog::warn("{}: COLMAP made several models; only sparse/0 is used", options.path);
-        SceneLayout layout;
-        layout.format = "colmap", layout.source = path;
-        layout.model = read_colmap_model(path);
-        layout.images = (scene / options.images).string();
-        return layout;
+        return {"colmap", path, (scene / options.images).string(), read_colmap_model(path)};
     }
     std::string photographs;
     for (const fs::path& folder : {scene, scene / options.images})
@@ -76,32 +72,27 @@ SceneLayout read_layout(const SceneOptions& options) {
         throw input_error("E_SCENE_LAYOUT: ", options.path,
                           fs::exists(scene, no_matter) ? ": is a file" : ": not found",
                           "; expected the folder that holds sparse/ and the images");
-    SceneFormat format = options.format;
-    const bool colmap =
-        std::any_of(std::begin(kModelFolders), std::end(kModelFolders), [&](const char* folder) {
+    const auto is = [&](SceneFormat format, const auto& fits) {
+        return options.format == format || (options.format == SceneFormat::automatic && fits());
+    };
+    const auto has_model = [&] {
+        return std::ranges::any_of(kModelFolders, [&](const char* folder) {
             return missing_colmap_files((scene / folder).string()).empty();
         });
-    if (format == SceneFormat::automatic)
-        format = colmap                                ? SceneFormat::colmap
-                 : has(scene, "transforms_train.json") ? SceneFormat::blender
-                 : has(scene, "transforms.json")       ? SceneFormat::nerfstudio
-                 : has(scene, "cameras_sphere.npz") || has(scene, "cameras.npz") ||
-                         !options.cameras_file.empty()
-                     ? SceneFormat::idr
-                 : has_mvsnet(scene) ? SceneFormat::mvsnet
-                                     : SceneFormat::colmap;
-    switch (format) {
-        case SceneFormat::blender:
-            return read_blender_layout(options);
-        case SceneFormat::nerfstudio:
-            return read_nerfstudio_layout(options);
-        case SceneFormat::idr:
-            return read_npz_layout(options);
-        case SceneFormat::mvsnet:
-            return read_mvsnet_layout(options);
-        default:
-            return read_colmap_layout(options);
-    }
+    };
+    const auto has_npz = [&] {
+        return has(scene, "cameras_sphere.npz") || has(scene, "cameras.npz") ||
+               !options.cameras_file.empty();
+    };
+    if (is(SceneFormat::colmap, has_model)) return read_colmap_layout(options);
+    if (is(SceneFormat::blender, [&] { return has(scene, "transforms_train.json"); }))
+        return read_blender_layout(options);
+    if (is(SceneFormat::nerfstudio, [&] { return has(scene, "transforms.json"); }))
+        return read_nerfstudio_layout(options);
+    if (is(SceneFormat::idr, has_npz)) return read_npz_layout(options);
+    if (is(SceneFormat::mvsnet, [&] { return has_mvsnet(scene); }))
+        return read_mvsnet_layout(options);
+    return read_colmap_layout(options);  // reports what is missing
 }
 
 std::vector<std::string> image_names(const std::string& folder) {
@@ -111,7 +102,7 @@ std::vector<std::string> image_names(const std::string& folder) {
         if (has_image_extension(entry.path().string()))
             names.push_back(entry.path().filename().string());
     }
-    std::sort(names.begin(), names.end());
+    std::ranges::sort(names);
     return names;
 }
 
@@ -161,12 +152,6 @@ Rigid3d checked_pose(const Mat3<double>& R, Vec3d t, const std::string& where) {
     for (int i = 0; i < 3; ++i) pose.R[i][0] = x[i], pose.R[i][1] = y[i], pose.R[i][2] = z[i];
     pose.t = t;
     return pose;
-}
-
-SceneLayout empty_layout(const char* format, const std::string& source, const std::string& images) {
-    SceneLayout layout;
-    layout.format = format, layout.source = source, layout.images = images;
-    return layout;
 }
 
 SceneLayout finished(SceneLayout layout) {

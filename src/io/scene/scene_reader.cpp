@@ -13,7 +13,6 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/quantile.h"
-#include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"
@@ -80,7 +79,7 @@ public:
         std::vector<fs::path> files;
         for (const auto& entry : fs::recursive_directory_iterator(folder_))
             if (entry.is_regular_file()) files.push_back(entry.path().lexically_relative(folder_));
-        std::sort(files.begin(), files.end());
+        std::ranges::sort(files);
         for (const fs::path& file : files) {
             const std::string stem = fs::path(file).replace_extension().string();
             by_stem_.emplace(stem, file);
@@ -114,45 +113,6 @@ private:
     std::map<std::string, fs::path> by_stem_;
     std::map<int, fs::path> by_number_;
 };
-
-}  // namespace
-
-std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source) {
-    const std::vector<Vec3f>& p = cloud.positions;
-    const auto is_finite_here = [&](std::size_t i) {
-        return std::abs(p[i].x) <= 1e9f && std::abs(p[i].y) <= 1e9f && std::abs(p[i].z) <= 1e9f;
-    };
-    std::vector<int> order = indices_where(p.size(), is_finite_here);
-    const std::size_t not_finite = p.size() - order.size();
-    const auto place = [&](int i) {
-        const Vec3f at = p[i];
-        return std::tuple(at.x, at.y, at.z);
-    };
-    sort_in_parallel(
-        order, [&](int a, int b) { return std::tuple(place(a), a) < std::tuple(place(b), b); });
-    std::vector<char> keep(p.size());
-    parallel_for(Cpu{}, static_cast<int>(order.size()), [&](std::size_t at) {
-        keep[static_cast<std::size_t>(order[at])] =
-            at == 0 || place(order[at - 1]) != place(order[at]);
-    });
-    const std::vector<int> kept =
-        indices_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
-    const std::size_t repeated = order.size() - kept.size();
-    if (not_finite > 0)
-        spdlog::warn("{}: dropped {} points: positions not finite or beyond 1e9", source,
-                     grouped(not_finite));
-    if (repeated > 0)
-        spdlog::warn("{}: dropped {} points: repeated positions", source, grouped(repeated));
-    if (not_finite + repeated == 0) return 0;
-    const auto compact = [&](auto& values) {
-        if (!values.empty()) values = taken(values, kept);
-    };
-    compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
-    compact(cloud.confidences);
-    return not_finite + repeated;
-}
-
-namespace {
 
 /// Reads the initial points. Also sets View::pose_error_px.
 PointCloud initial_points(const SceneOptions& options,
@@ -224,6 +184,41 @@ Vec3d origin_of(const ColmapModel& model) {
 }
 
 }  // namespace
+
+std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source) {
+    const std::vector<Vec3f>& p = cloud.positions;
+    const auto is_finite_here = [&](std::size_t i) {
+        return std::abs(p[i].x) <= 1e9f && std::abs(p[i].y) <= 1e9f && std::abs(p[i].z) <= 1e9f;
+    };
+    std::vector<int> order = indices_where(p.size(), is_finite_here);
+    const std::size_t not_finite = p.size() - order.size();
+    const auto place = [&](int i) {
+        const Vec3f at = p[i];
+        return std::tuple(at.x, at.y, at.z);
+    };
+    sort_in_parallel(
+        order, [&](int a, int b) { return std::tuple(place(a), a) < std::tuple(place(b), b); });
+    std::vector<char> keep(p.size());
+    parallel_for(Cpu{}, static_cast<int>(order.size()), [&](std::size_t at) {
+        keep[static_cast<std::size_t>(order[at])] =
+            at == 0 || place(order[at - 1]) != place(order[at]);
+    });
+    const std::vector<int> kept =
+        indices_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
+    const std::size_t repeated = order.size() - kept.size();
+    if (not_finite > 0)
+        spdlog::warn("{}: dropped {} points: positions not finite or beyond 1e9", source,
+                     grouped(not_finite));
+    if (repeated > 0)
+        spdlog::warn("{}: dropped {} points: repeated positions", source, grouped(repeated));
+    if (not_finite + repeated == 0) return 0;
+    const auto compact = [&](auto& values) {
+        if (!values.empty()) values = taken(values, kept);
+    };
+    compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
+    compact(cloud.confidences);
+    return not_finite + repeated;
+}
 
 float scene_extent(const Scene& scene) {
     if (scene.train.empty()) return 1;

@@ -69,7 +69,7 @@ std::vector<std::string> read_list(const std::string& path) {
 }
 
 void sort_unique(std::vector<int>& indices) {
-    std::sort(indices.begin(), indices.end());
+    std::ranges::sort(indices);
     indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
 }
 
@@ -157,8 +157,7 @@ ViewSplit split_views(const SceneOptions& options,
         train_was_listed = !own && !lists.train.empty();
         if (lists.train.empty())
             for (int i = 0; i < count; ++i)
-                if (!std::binary_search(split.test.begin(), split.test.end(), i))
-                    split.train.push_back(i);
+                if (!std::ranges::binary_search(split.test, i)) split.train.push_back(i);
     } else {
         if (options.eval && options.test_every < 2)
             throw Error(ExitCode::usage, "--test-every ", options.test_every,
@@ -166,9 +165,8 @@ ViewSplit split_views(const SceneOptions& options,
         for (int i = 0; i < count; ++i)
             (options.eval && i % options.test_every == 0 ? split.test : split.train).push_back(i);
     }
-    const auto overlap = std::erase_if(split.test, [&](int i) {
-        return std::binary_search(split.train.begin(), split.train.end(), i);
-    });
+    const auto overlap = std::erase_if(
+        split.test, [&](int i) { return std::ranges::binary_search(split.train, i); });
     if (overlap > 0)
         spdlog::warn("{} views are in both lists; they are used for training only", overlap);
 
@@ -178,7 +176,7 @@ ViewSplit split_views(const SceneOptions& options,
         for (const int i : chosen) {
             if (i < 0 || i >= count)
                 throw Error(ExitCode::usage, "--views ", i, ": expected 0 to ", count - 1);
-            if (!std::binary_search(split.train.begin(), split.train.end(), i))
+            if (!std::ranges::binary_search(split.train, i))
                 throw Error(ExitCode::usage, "--views ", i, ": '", names[i],
                             "' is not a training view of the split");
         }

@@ -30,70 +30,6 @@ std::array<double, Codebook{}.size()> first_centres(const std::vector<float>& va
     return centres;
 }
 
-}  // namespace
-
-Codebook make_codebook(std::vector<float> values) {
-    Codebook codes{};
-    constexpr std::size_t kCodes = codes.size(), kMost = std::size_t{1} << 20;
-    if (values.empty()) return codes;
-    if (const std::size_t stride = (values.size() + kMost - 1) / kMost; stride > 1) {
-        for (std::size_t i = 0; i * stride < values.size(); ++i) values[i] = values[i * stride];
-        values.resize((values.size() + stride - 1) / stride);
-    }
-    std::sort(values.begin(), values.end());
-    std::vector<float> different;
-    for (const float v : values) {
-        if (different.empty() || v != different.back()) different.push_back(v);
-        if (different.size() > kCodes) break;
-    }
-    if (different.size() <= kCodes) {
-        for (std::size_t c = 0; c < kCodes; ++c)
-            codes[c] = different[std::min(c, different.size() - 1)];
-        return codes;
-    }
-    const std::size_t count = values.size();
-    std::vector<double> sums(count + 1, 0);  // prefix sums: the sum of a cell is a difference
-    for (std::size_t i = 0; i < count; ++i) sums[i + 1] = sums[i] + double{values[i]};
-    std::array<double, kCodes> centres = first_centres(values);
-    constexpr int kSteps = 100;  // a step takes microseconds
-    for (int step = 0; step < kSteps; ++step) {
-        bool moved = false;
-        std::size_t begin = 0;
-        for (std::size_t c = 0; c < kCodes; ++c) {
-            std::size_t end = count;
-            if (c + 1 < kCodes) {
-                const double border = (centres[c] + centres[c + 1]) / 2;
-                end = static_cast<std::size_t>(
-                    std::upper_bound(values.begin() + static_cast<std::ptrdiff_t>(begin),
-                                     values.end(), border,
-                                     [](double b, float v) { return b < double{v}; }) -
-                    values.begin());
-            }
-            if (end > begin) {
-                const double mean = (sums[end] - sums[begin]) / static_cast<double>(end - begin);
-                moved = moved || mean != centres[c];
-                centres[c] = mean;
-            }
-            begin = end;
-        }
-        if (!moved) break;
-    }
-    std::sort(centres.begin(), centres.end());
-    std::transform(centres.begin(), centres.end(), codes.begin(),
-                   [](double v) { return static_cast<float>(v); });
-    return codes;
-}
-
-std::uint8_t nearest_code(const Codebook& codes, float value) {
-    const auto above = std::lower_bound(codes.begin(), codes.end(), value);
-    if (above == codes.begin()) return 0;
-    const auto at = above - codes.begin();
-    const bool lower = above == codes.end() || value - above[-1] <= above[0] - value;
-    return static_cast<std::uint8_t>(lower ? at - 1 : at);
-}
-
-namespace {
-
 constexpr int kMaxWidth = 256, kRounds = 10;
 constexpr std::size_t kSample = 65536;  // enough to find the cells of many more vectors
 
@@ -155,7 +91,7 @@ void move_centres(const Vectors& vectors, const std::vector<int>& members, Split
     for (std::size_t c = 0; c < width; ++c) {
         const float* far = nullptr;
         if (counts[c] == 0) {
-            const auto at = std::max_element(split.distances.begin(), split.distances.end());
+            const auto at = std::ranges::max_element(split.distances);
             if (!(*at > 0)) continue;
             *at = 0;
             far = vectors[members[at - split.distances.begin()]];
@@ -236,6 +172,66 @@ void find_centres(const Vectors& vectors, Group& group, int count, int depth) {
 }
 
 }  // namespace
+
+Codebook make_codebook(std::vector<float> values) {
+    Codebook codes{};
+    constexpr std::size_t kCodes = codes.size(), kMost = std::size_t{1} << 20;
+    if (values.empty()) return codes;
+    if (const std::size_t stride = (values.size() + kMost - 1) / kMost; stride > 1) {
+        for (std::size_t i = 0; i * stride < values.size(); ++i) values[i] = values[i * stride];
+        values.resize((values.size() + stride - 1) / stride);
+    }
+    std::ranges::sort(values);
+    std::vector<float> different;
+    for (const float v : values) {
+        if (different.empty() || v != different.back()) different.push_back(v);
+        if (different.size() > kCodes) break;
+    }
+    if (different.size() <= kCodes) {
+        for (std::size_t c = 0; c < kCodes; ++c)
+            codes[c] = different[std::min(c, different.size() - 1)];
+        return codes;
+    }
+    const std::size_t count = values.size();
+    std::vector<double> sums(count + 1, 0);  // prefix sums: the sum of a cell is a difference
+    for (std::size_t i = 0; i < count; ++i) sums[i + 1] = sums[i] + double{values[i]};
+    std::array<double, kCodes> centres = first_centres(values);
+    constexpr int kSteps = 100;  // a step takes microseconds
+    for (int step = 0; step < kSteps; ++step) {
+        bool moved = false;
+        std::size_t begin = 0;
+        for (std::size_t c = 0; c < kCodes; ++c) {
+            std::size_t end = count;
+            if (c + 1 < kCodes) {
+                const double border = (centres[c] + centres[c + 1]) / 2;
+                end = static_cast<std::size_t>(
+                    std::upper_bound(values.begin() + static_cast<std::ptrdiff_t>(begin),
+                                     values.end(), border,
+                                     [](double b, float v) { return b < double{v}; }) -
+                    values.begin());
+            }
+            if (end > begin) {
+                const double mean = (sums[end] - sums[begin]) / static_cast<double>(end - begin);
+                moved = moved || mean != centres[c];
+                centres[c] = mean;
+            }
+            begin = end;
+        }
+        if (!moved) break;
+    }
+    std::ranges::sort(centres);
+    std::transform(centres.begin(), centres.end(), codes.begin(),
+                   [](double v) { return static_cast<float>(v); });
+    return codes;
+}
+
+std::uint8_t nearest_code(const Codebook& codes, float value) {
+    const auto above = std::ranges::lower_bound(codes, value);
+    if (above == codes.begin()) return 0;
+    const auto at = above - codes.begin();
+    const bool lower = above == codes.end() || value - above[-1] <= above[0] - value;
+    return static_cast<std::uint8_t>(lower ? at - 1 : at);
+}
 
 ShPalette make_sh_palette(const std::vector<float>& vectors, int numbers, int count) {
     ShPalette out;

@@ -10,7 +10,6 @@
 
 #include "core/device/parallel_lists.h"
 #include "core/log.h"
-#include "core/math/vec.h"
 #include "io/files/number_types.h"
 #include "io/files/read_file.h"
 
@@ -55,8 +54,7 @@ struct Element {
         return -1;
     }
     bool has(std::initializer_list<const char*> all) const {
-        return std::all_of(all.begin(), all.end(),
-                           [&](std::string_view wanted) { return find(wanted) >= 0; });
+        return std::ranges::all_of(all, [&](std::string_view wanted) { return find(wanted) >= 0; });
     }
 };
 

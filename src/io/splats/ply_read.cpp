@@ -37,8 +37,7 @@ const Element& vertex_element(const PlyReader& in) {
 }
 
 Vec3d pick(const std::vector<double>& row, Vec3i columns) {
-    const auto at = [&](int column) { return row[column]; };
-    return {at(columns.x), at(columns.y), at(columns.z)};
+    return {row[columns.x], row[columns.y], row[columns.z]};
 }
 
 Vec3i columns_of(const Element& vertex, const std::array<const char*, 3>& names) {
@@ -152,8 +151,8 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
     c.opacity = vertex.find("opacity"), c.filter = vertex.find("filter_3D");
     for (int i = 0; vertex.find(str("f_rest_", i)) >= 0; ++i)
         c.rest.push_back(vertex.find(str("f_rest_", i)));
-    const auto named = std::count_if(vertex.properties.begin(), vertex.properties.end(),
-                                     [](auto& p) { return p.name.starts_with("f_rest_"); });
+    const auto named = std::ranges::count_if(vertex.properties,
+                                             [](auto& p) { return p.name.starts_with("f_rest_"); });
     const std::size_t rest = c.rest.size();
     if (static_cast<std::size_t>(named) != rest ||
         (rest != 0 && rest != 9 && rest != 24 && rest != 45 && rest != 72))
@@ -266,7 +265,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
     if (count < rows)
         spdlog::warn("{}: dropped {} of {} splats: not finite, or a zero quaternion", path,
                      grouped(rows - count), grouped(rows));
-    if (rows > 0 && std::find(activated.begin(), activated.end(), 0) == activated.end())
+    if (rows > 0 && std::ranges::find(activated, 0) == activated.end())
         spdlog::warn(
             "{}: all opacities are in [0, 1] and all scales positive; expected logits and "
             "logarithms",

@@ -1,8 +1,10 @@
+#include <algorithm>
 #include <filesystem>
 #include <map>
 
 #include "core/device/parallel.h"
-#include "io/files/json_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 #include "io/files/zip_archive.h"
 #include "io/images/image_file.h"
 #include "io/splats/codebook.h"
@@ -13,13 +15,12 @@
 namespace tvsgs {
 namespace {
 
-using nlohmann::json;
-
 constexpr std::int64_t kMaxSplats = 50000000;
 // Images of a single colour compress to almost nothing, also in the archive. So the size of the
 // file limits the number of splats and bytes that it may claim.
 constexpr std::int64_t kSplatsPerByte = 16;
 constexpr std::uint64_t kInflated = 16, kAtLeast = 1 << 20;  // per byte; at least
+constexpr std::size_t kMaxMeta = 1 << 20;                    // bytes; most of it are codebooks
 
 class SogReader {
 public:
@@ -33,8 +34,9 @@ public:
                  });
         const auto found = files_.find(sog::kMetaName);
         if (found == files_.end()) fail("no ", sog::kMetaName, "; is it a SOG file?");
-        meta_ = parse_json(found->second, path_);
-        if (!meta_.is_object()) fail(sog::kMetaName, " is damaged");
+        if (found->second.size() > kMaxMeta) fail(sog::kMetaName, " is larger than 1 MiB");
+        meta_ = parse_json_value(found->second, where_of(sog::kMetaName));
+        if (!meta_.is(JsonValue::Kind::object)) fail(sog::kMetaName, " is damaged");
         if (const std::int64_t version = whole(meta_, "version", 1); version != sog::kVersion)
             fail("SOG version ", version, "; expected ", sog::kVersion);
         count_ = whole(meta_, "count", 0);
@@ -46,14 +48,14 @@ public:
 
     Gaussians<Cpu> read(const HalfTurn& turn) {
         Gaussians<Cpu> g;
-        const json& rest = member(meta_, "shN");
-        const std::int64_t bands = meta_.contains("shN") ? whole(rest, "bands", 0) : 0;
-        if (bands < 0 || bands > 3 || (bands == 0 && !rest.is_null()))
+        const JsonValue& rest = meta_["shN"];
+        const std::int64_t bands = whole(rest, "bands", 0);
+        if (bands < 0 || bands > 3 || (bands == 0 && rest))
             fail("shN: ", bands, " bands; expected 1 to 3");
         // Allocates only for splats that have pixels in all images.
-        encoded(member(meta_, "means"), 1, count_);
+        encoded(meta_["means"], 1, count_);
         for (const char* part : {"means", "scales", "sh0", "quats"})
-            encoded(member(meta_, part), 0, count_);
+            encoded(meta_[part], 0, count_);
         if (bands > 0) encoded(rest, 1, count_);
         resize(g, static_cast<int>(count_), static_cast<int>(bands));
         read_means(g, turn);
@@ -68,44 +70,38 @@ private:
     [[noreturn]] void fail(const Parts&... parts) const {
         throw input_error(path_, ": ", parts...);
     }
-    static const json& member(const json& object, const char* key) {
-        static const json none;
-        return object.is_object() && object.contains(key) ? object[key] : none;
-    }
-    std::int64_t whole(const json& object, const char* key, std::int64_t standard) const {
-        const json& found = member(object, key);
-        if (found.is_null()) return standard;
-        if (!found.is_number_unsigned() || found.get<std::uint64_t>() > std::uint64_t{1} << 40)
+    std::int64_t whole(const JsonValue& object, const char* key, std::int64_t standard) const {
+        const JsonValue& found = object[key];
+        if (!found) return standard;
+        const double number = found.number_or(-1);
+        if (!(number >= 0 && number <= std::exp2(40)) || number != std::floor(number))
             fail("\"", key, "\" is not a plausible whole number");
-        return static_cast<std::int64_t>(found.get<std::uint64_t>());
+        return static_cast<std::int64_t>(number);
     }
-    std::vector<float> numbers(const json& object, const char* key, std::size_t count) const {
+    std::vector<float> numbers(const JsonValue& object, const char* key, std::size_t count) const {
         std::vector<float> out;
-        const json& found = member(object, key);
-        for (std::size_t i = 0; found.is_array() && i < found.size() && i < count; ++i)
-            if (found[i].is_number()) out.push_back(found[i].get<float>());
-        const bool finite =
-            std::all_of(out.begin(), out.end(), [](float v) { return std::isfinite(v); });
-        if (out.size() != count || found.size() != count || !finite)
+        for (const JsonValue& item : object[key].items)
+            out.push_back(static_cast<float>(item.number_or(NAN)));
+        if (out.size() != count ||
+            !std::ranges::all_of(out, [](float v) { return std::isfinite(v); }))
             fail("\"", key, "\": expected ", count, " finite numbers");
         return out;
     }
-    Codebook codebook(const json& object) const {
+    Codebook codebook(const JsonValue& object) const {
         const std::vector<float> values = numbers(object, "codebook", Codebook{}.size());
         Codebook codes;
         std::copy(values.begin(), values.end(), codes.begin());
         return codes;
     }
     /// The file of image `at` of a part. Its first bytes must show at least `least` pixels.
-    const std::pair<const std::string, std::string>& encoded(const json& part,
+    const std::pair<const std::string, std::string>& encoded(const JsonValue& part,
                                                              std::size_t at,
                                                              std::int64_t least) const {
-        const json& names = member(part, "files");
-        if (!names.is_array() || at >= names.size() || !names[at].is_string())
+        const std::vector<JsonValue>& names = part["files"].items;
+        if (at >= names.size() || !names[at].is(JsonValue::Kind::text))
             fail("a list of files is missing or too short");
-        const auto found = files_.find(names[at].get<std::string>());
-        if (found == files_.end())
-            fail("its file ", shown(names[at].get<std::string>()), " is missing");
+        const auto found = files_.find(names[at].text);
+        if (found == files_.end()) fail("its file ", shown(names[at].text), " is missing");
         const std::string where = where_of(found->first);
         const std::optional<ImageSize> size = webp_size(found->second);
         if (!size) throw input_error(where, ": not a WebP picture");
@@ -115,13 +111,13 @@ private:
         return *found;
     }
     std::string where_of(const std::string& name) const { return str(path_, ": ", shown(name)); }
-    ImageU8 picture(const json& part, std::size_t at, std::int64_t least) const {
+    ImageU8 picture(const JsonValue& part, std::size_t at, std::int64_t least) const {
         const auto& [name, bytes] = encoded(part, at, least);
         return decode_image(where_of(name), bytes, 4, 2 * least + (1 << 16));
     }
 
     void read_means(Gaussians<Cpu>& g, const HalfTurn& turn) const {
-        const json& part = member(meta_, "means");
+        const JsonValue& part = meta_["means"];
         const std::vector<float> mins = numbers(part, "mins", 3), maxs = numbers(part, "maxs", 3);
         const ImageU8 low = picture(part, 0, count_), high = picture(part, 1, count_);
         parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
@@ -135,10 +131,10 @@ private:
     }
 
     void read_others(Gaussians<Cpu>& g, const HalfTurn& turn) const {
-        const json &scales = member(meta_, "scales"), &colors = member(meta_, "sh0");
+        const JsonValue &scales = meta_["scales"], &colors = meta_["sh0"];
         const Codebook scale_codes = codebook(scales), color_codes = codebook(colors);
         const ImageU8 scale = picture(scales, 0, count_), color = picture(colors, 0, count_),
-                      quat = picture(member(meta_, "quats"), 0, count_);
+                      quat = picture(meta_["quats"], 0, count_);
         parallel_for(Cpu{}, g.size(), [&](std::size_t i) {
             for (int c = 0; c < 3; ++c) {
                 g.log_scales[i][c] = scale_codes[scale.pixels[4 * i + c]];
@@ -149,7 +145,7 @@ private:
         });
     }
 
-    void read_sh(Gaussians<Cpu>& g, const json& part, const HalfTurn& turn) const {
+    void read_sh(Gaussians<Cpu>& g, const JsonValue& part, const HalfTurn& turn) const {
         const std::int64_t palette = whole(part, "count", 0);
         if (palette < 1 || palette > sog::kMaxPalette)
             fail("shN: a palette of ", palette, "; expected 1 to ", sog::kMaxPalette);
@@ -177,7 +173,7 @@ private:
 
     const std::string& path_;
     std::map<std::string, std::string> files_;
-    json meta_;
+    JsonValue meta_;
     std::int64_t count_ = 0;
 };
 

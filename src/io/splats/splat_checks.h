@@ -19,9 +19,13 @@ inline float logit(float alpha) {
     return alpha < 1 ? std::log(alpha / (1 - alpha)) : kMaxLogit;
 }
 
-/// Calls fail(what, i) for numbers that are not finite and for zero rotations.
-template <class Fail>
-void check_splats(const Gaussians<Cpu>& g, const Fail& fail) {
+/// Throws Error(code) for numbers that are not finite and for zero rotations. `where` begins its
+/// message.
+inline void check_splats(const Gaussians<Cpu>& g, ExitCode code, const std::string& where) {
+    const auto fail = [&](const char* what, std::size_t i) {
+        throw Error(code, where, what, " of splat ", i,
+                    " is not finite, or zero; expected finite numbers");
+    };
     const std::size_t count = g.means.size();
     for (std::size_t i = 0; i < count; ++i) {
         const Quatf q = g.quats[i];
@@ -40,18 +44,12 @@ void check_splats(const Gaussians<Cpu>& g, const Fail& fail) {
 inline void require_writable(const Gaussians<Cpu>& g, const std::string& path) {
     if (!g.filter.empty())
         throw Error(ExitCode::internal, path, ": not written: splats with filters");
-    check_splats(g, [&](const char* what, std::size_t i) {
-        throw Error(ExitCode::numerical, path, ": not written: ", what, " of splat ", i,
-                    " is not finite, or zero; expected finite numbers");
-    });
+    check_splats(g, ExitCode::numerical, path + ": not written: ");
 }
 
 /// Call it after reading. Throws Error(ExitCode::input).
 inline void require_valid(const Gaussians<Cpu>& g, const std::string& path) {
-    check_splats(g, [&](const char* what, std::size_t i) {
-        throw Error(ExitCode::input, path, ": ", what, " of splat ", i,
-                    " is not finite, or zero; expected finite numbers");
-    });
+    check_splats(g, ExitCode::input, path + ": ");
 }
 
 }  // namespace tvsgs

@@ -49,7 +49,7 @@ inline SplatErrors errors_of(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b) {
         widen(out.opacity, sigmoid(a.opacity_logits[i]) - sigmoid(b.opacity_logits[i]));
     }
     if (count == 0) return out;
-    out.median_mean = middle_of(means), out.mean = *std::max_element(means.begin(), means.end());
+    out.median_mean = middle_of(means), out.mean = *std::ranges::max_element(means);
     return out;
 }
 

@@ -8,7 +8,6 @@
 #include "io/files/json_value.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "io/scene/georeference.h"
 #include "io/splats/ply.h"
 
 namespace tvsgs {
@@ -29,7 +28,7 @@ std::string origin_json(const SplatFileOptions& options, SplatFrame frame) {
     const Vec3d o = options.origin;
     JsonValue json;
     json.add("generator", kVersion)
-        .add("frame", frame_name(frame))
+        .add("frame", info_of(frame).name)
         .add("origin", std::vector{o.x, o.y, o.z});
     if (!options.projection.empty()) json.add("projection", options.projection);
     return json_text(json) + "\n";
@@ -71,10 +70,6 @@ std::optional<SplatFormat> splat_format(const std::string& path) {
     return std::nullopt;
 }
 
-const char* frame_name(SplatFrame frame) {
-    return frame == SplatFrame::rdf ? "rdf" : frame == SplatFrame::rub ? "rub" : "luf";
-}
-
 std::string origin_file(const std::string& path) {
     return path + ".json";
 }
@@ -109,14 +104,14 @@ std::uintmax_t write_splat_file(const std::string& path,
     return bytes.size();
 }
 
-SplatPlace read_splat_place(const std::string& path) {
+Georeference read_splat_place(const std::string& path) {
     const SplatFormat format = format_of(path);
     if (format == SplatFormat::ply) return {};
-    SplatPlace place;
+    Georeference place;
     if (format == SplatFormat::glb)
         place = splat_glb_place(read_bytes(path), path);
     else if (const std::optional<JsonValue> json = read_origin_file(path))
-        place = {origin_in(*json, path), (*json)["projection"].text_or("")};
+        place = {(*json)["projection"].text_or(""), origin_in(*json, path)};
     if (!is_one_line(place.projection))
         throw input_error(path, ": \"projection\": expected one line of text");
     return place;

@@ -8,14 +8,13 @@
 #include <string_view>
 #include <vector>
 
+#include "io/scene/georeference.h"
 #include "io/splats/splat_frame.h"
 
 namespace tvsgs {
 
 /// Format by the extension of the name, in upper or lower case.
 std::optional<SplatFormat> splat_format(const std::string& path);
-
-const char* frame_name(SplatFrame frame);
 
 /// The JSON file with the origin and the projection of an SPZ or SOG file.
 std::string origin_file(const std::string& path);
@@ -27,9 +26,10 @@ std::uintmax_t write_splat_file(const std::string& path,
                                 const Gaussians<Cpu>& gaussians,
                                 const SplatFileOptions& options = {});
 
-/// The place stored for an SPZ, SOG or GLB file of tvsgs; nothing for PLY. Throws
+/// The place stored for an SPZ, SOG or GLB file of tvsgs: the origin of the splats' frame in the
+/// scene's frame, and the projection of that one (empty: none); nothing for PLY. Throws
 /// Error(ExitCode::input).
-SplatPlace read_splat_place(const std::string& path);
+Georeference read_splat_place(const std::string& path);
 
 /// Reads the splats of a file into our frame (RDF). `frame`: frame of the file; default:
 /// default_frame(). Subtracts `origin` from positions of a PLY. Throws Error(ExitCode::input).
@@ -102,6 +102,6 @@ Gaussians<Cpu> parse_splat_glb(std::string_view bytes,
 
 /// asset.extras.origin and .projection of a file of tvsgs, else nothing. Throws
 /// Error(ExitCode::input).
-SplatPlace splat_glb_place(std::string_view bytes, const std::string& path);
+Georeference splat_glb_place(std::string_view bytes, const std::string& path);
 
 }  // namespace tvsgs

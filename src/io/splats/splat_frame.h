@@ -45,13 +45,6 @@ struct SplatFileOptions {
     Mat3<double> upright_from_scene{{{-1, 0, 0}, {0, -1, 0}, {0, 0, 1}}};
 };
 
-/// Place of the splats of a file: the origin of their frame in the scene's frame, and the
-/// projection of that one; empty: none.
-struct SplatPlace {
-    Vec3d origin{};
-    std::string projection{};
-};
-
 /// Rotation by 180 degrees about an axis, or the identity. It is its own inverse and changes only
 /// signs, also of SH coefficients, because each basis function is odd or even in x, y and z.
 struct HalfTurn {
@@ -72,11 +65,21 @@ struct HalfTurn {
     }
 };
 
+/// Name and axes of a frame, in the order of SplatFrame, and its rotation from our frame.
+struct FrameInfo {
+    const char *name, *axes;
+    HalfTurn turn;
+};
+inline constexpr FrameInfo kFrames[] = {{"rdf", "x right, y down, z forward", {{1, 1, 1}}},
+                                        {"rub", "x right, y up, z back", {{1, -1, -1}}},
+                                        {"luf", "x left, y up, z forward", {{-1, -1, 1}}}};
+inline const FrameInfo& info_of(SplatFrame frame) {
+    return kFrames[static_cast<int>(frame)];
+}
+
 /// Rotation between our frame and `frame`.
 inline HalfTurn half_turn(SplatFrame frame) {
-    return frame == SplatFrame::rub   ? HalfTurn{{1, -1, -1}}
-           : frame == SplatFrame::luf ? HalfTurn{{-1, -1, 1}}
-                                      : HalfTurn{};
+    return info_of(frame).turn;
 }
 
 /// Rotates all splats into the frame, or back.

@@ -46,10 +46,10 @@ public:
         check_extensions({kExtension, "KHR_materials_", "KHR_texture_", "EXT_texture_"});
     }
 
-    SplatPlace place() const {
+    Georeference place() const {
         if (!is_from_tvsgs("splats")) return {};
         const json& extras = member(member(doc_, "asset"), "extras");
-        return {vector3(extras, "origin", {}), text(extras, "projection")};
+        return {text(extras, "projection"), vector3(extras, "origin", {})};
     }
 
     Gaussians<Cpu> read(const HalfTurn& turn) const {
@@ -181,7 +181,7 @@ Gaussians<Cpu> parse_splat_glb(std::string_view bytes, const std::string& path, 
     return SplatGlbReader(path, bytes).read(half_turn(frame));
 }
 
-SplatPlace splat_glb_place(std::string_view bytes, const std::string& path) {
+Georeference splat_glb_place(std::string_view bytes, const std::string& path) {
     return SplatGlbReader(path, bytes).place();
 }
 

@@ -1,7 +1,7 @@
 #include "pipeline/scene/planned_scene.h"
 
 #include "core/grouped.h"
-#include "io/config/built_in_configs.h"
+#include "io/config/config.h"
 #include "pipeline/priors/gap_points.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/scene/exposures.h"
