@@ -9,7 +9,7 @@
 #include "apps/eval/subcommands.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
-#include "report/data.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {

@@ -14,7 +14,7 @@
 #include "mesh/draw/mesh_render.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
-#include "report/data.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {

@@ -21,7 +21,7 @@
 #include "io/scene/scene_layout.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
-#include "report/report_parts.h"
+#include "report/report.h"
 #include "report/view_page.h"
 
 namespace tvsgs {

@@ -14,7 +14,7 @@
 #include "pipeline/scene/sky.h"
 #include "plan/figures.h"
 #include "plan/time.h"
-#include "report/data.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {

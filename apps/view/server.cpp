@@ -50,7 +50,7 @@ class Server {
 public:
     Server(const ViewInput& input, const ViewPageOptions& options)
         : input_(input), options_(options), run_(input.runs.front()) {
-        input_.may_train = true;
+        input_.may_train = options_.follow = true;
     }
 
     void listen(int port) {
@@ -66,17 +66,10 @@ public:
             return admit(request, response) ? httplib::Server::HandlerResponse::Unhandled
                                             : httplib::Server::HandlerResponse::Handled;
         });
-        server_.Get("/", [this](const auto&, auto& response) {
-            answer(response, [&] { response.set_content(page(), "text/html; charset=utf-8"); });
-        });
-        server_.Get("/api/state", [this](const auto&, auto& response) {
-            answer(response, [&] { response.set_content(state(), "application/json"); });
-        });
-        server_.Get("/api/splats", [this](const auto&, auto& response) {
-            answer(response, [&] {
-                response.set_content(read_bytes(live("splats.spz")), "application/octet-stream");
-            });
-        });
+        serve("/", "text/html; charset=utf-8", [this] { return page(); });
+        serve("/api/state", "application/json", [this] { return state(); });
+        serve("/api/splats", "application/octet-stream",
+              [this] { return read_bytes(live("splats.spz")); });
         // Not SO_REUSEPORT, which httplib sets: two servers would share a port and each get some of
         // the requests.
         server_.set_socket_options([](socket_t socket) {
@@ -126,16 +119,18 @@ private:
         return false;
     }
 
-    /// Reports errors here, not to the browser.
-    template <class Action>
-    void answer(httplib::Response& response, const Action& action) {
-        try {
-            action();
-        } catch (const std::exception& error) {
-            spdlog::warn("{}", error.what());
-            response.status = 503;
-            response.set_content("Failed: see the messages of tvsgs-view.\n", "text/plain");
-        }
+    /// Answers requests for `path` by make(). Reports errors here, not to the browser.
+    template <class Make>
+    void serve(const char* path, const char* type, const Make& make) {
+        server_.Get(path, [type, make](const auto&, auto& response) {
+            try {
+                response.set_content(make(), type);
+            } catch (const std::exception& error) {
+                spdlog::warn("{}", error.what());
+                response.status = 503;
+                response.set_content("Failed: see the messages of tvsgs-view.\n", "text/plain");
+            }
+        });
     }
 
     /// Changes when the run's results change.
@@ -159,10 +154,7 @@ private:
         const std::lock_guard lock(mutex_);  // two pages at once would need twice the memory
         const std::string version = version_of_run();
         if (version != version_ || page_.empty()) {
-            ViewSubject subject = read_view_subject(input_);
-            options_.follow = true, options_.origin = subject.origin;
-            options_.metres = subject.metres;
-            ViewPage made = view_page(std::move(subject.runs), subject.cameras, options_);
+            ViewPage made = view_page(read_view_subject(input_), options_);
             for (const std::string& note : made.notes) spdlog::warn("{}", note);
             page_ = std::move(made.html), version_ = version;
         }

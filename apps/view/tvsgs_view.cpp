@@ -65,15 +65,13 @@ Arguments parse(int argc, char** argv) {
 }  // namespace
 
 int command(int argc, char** argv) {
-    Arguments a = parse(argc, argv);
+    const Arguments a = parse(argc, argv);
     if (a.out.empty()) {
         serve(a.input, a.page, a.port);
         return 0;
     }
     require_output(a.out, {".html"}, {});
-    ViewSubject subject = read_view_subject(a.input);
-    a.page.origin = subject.origin, a.page.metres = subject.metres;
-    const ViewPage page = view_page(std::move(subject.runs), subject.cameras, a.page);
+    const ViewPage page = view_page(read_view_subject(a.input), a.page);
     for (const std::string& note : page.notes) spdlog::warn("{}", note);
     write_text_file(a.out, page.html);
     spdlog::info("Page: {} ({:.1f} MB); open it in a browser", a.out,

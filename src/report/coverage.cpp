@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/math/sigmoid.h"
-#include "report/report_parts.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {

@@ -1,18 +1,15 @@
-#include "report/data.h"
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <optional>
 
 #include "core/device/threads.h"
-#include "core/log.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
-#include "report/pictures.h"
-#include "report/report_parts.h"
+#include "report/page_data.h"
+#include "report/report.h"
 #include "report/view_page.h"
 
 namespace tvsgs {
@@ -82,7 +79,7 @@ void add_results(JsonValue& report, const std::string& run) {
     for (fs::directory_iterator it(run + "/eval", code), end; !code && it != end;
          it.increment(code))
         if (it->path().extension() == ".json") files.push_back(it->path());
-    std::sort(files.begin(), files.end());
+    std::ranges::sort(files);
     for (const fs::path& file : files) {
         const std::string name = file.stem().string();
         if (fs::file_size(file, code) > kMaxResult) continue;
@@ -121,7 +118,7 @@ JsonValue pictures(const std::string& run,
     std::vector<const JsonValue*> order;
     for (const JsonValue& view : views.items)
         if (is_file(render_stem(run, view["name"].text) + ".png")) order.push_back(&view);
-    std::stable_sort(order.begin(), order.end(), [](const JsonValue* a, const JsonValue* b) {
+    std::ranges::stable_sort(order, [](const JsonValue* a, const JsonValue* b) {
         return (*a)["psnr"].number_or(INFINITY) < (*b)["psnr"].number_or(INFINITY);
     });
     JsonValue list = JsonValue::list();
@@ -216,8 +213,8 @@ private:
         for (const JsonValue& view : report_["views"].items)
             for (ViewCamera& camera : subject.cameras)
                 camera.test = camera.test || camera.name == view["name"].text;
-        const auto training = std::count_if(subject.cameras.begin(), subject.cameras.end(),
-                                            [](const ViewCamera& c) { return !c.test; });
+        const auto training =
+            std::ranges::count_if(subject.cameras, [](const ViewCamera& c) { return !c.test; });
         report_.set("training_views", training);
         ViewRun& run = subject.runs.front();
         if (run.mesh_faces > 0) report_.set("mesh", JsonValue().add("faces", run.mesh_faces));
@@ -232,9 +229,7 @@ private:
             missing_.push_back("coverage: no training view sees a splat");
         // The report has its own plots.
         run.evaluations = {};
-        view_ = view_page(
-            std::move(subject.runs), subject.cameras,
-            {.max_bytes = kViewBytes, .origin = subject.origin, .metres = subject.metres});
+        view_ = view_page(std::move(subject), {.max_bytes = kViewBytes});
     }
 
     const std::string& run_;

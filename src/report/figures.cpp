@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "report/pictures.h"
+#include "report/page_data.h"
 #include "report/plot.h"
 
 namespace tvsgs {
@@ -55,9 +55,9 @@ std::string html_table(const std::string& caption,
 
 std::string plot_figure(const Plot& plot, const std::string& id, const std::string& source) {
     const auto shows = [](const Series& s) {
-        return std::count_if(s.y.begin(), s.y.end(), [](double v) { return std::isfinite(v); });
+        return std::ranges::count_if(s.y, [](double v) { return std::isfinite(v); });
     };
-    if (std::none_of(plot.series.begin(), plot.series.end(), shows)) return "";
+    if (std::ranges::none_of(plot.series, shows)) return "";
     return str("<figure class=\"card\">\n", plot_svg(plot, id),
                "<details><summary>Table: ", escaped(plot.title), "</summary>",
                plot_table(plot, source), "</details></figure>\n");

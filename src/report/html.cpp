@@ -6,7 +6,7 @@
 #include "plan/settings.h"
 #include "report/page.h"
 #include "report/plot.h"
-#include "report/report_parts.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {
@@ -166,7 +166,7 @@ private:
         plot.series.push_back({"total", iterations, numbers(reports["loss"])});
         for (const auto& [name, values] : reports["terms"].members) {
             Series term{name, iterations, numbers(values)};
-            if (std::any_of(term.y.begin(), term.y.end(), [](double v) { return v > 0; }))
+            if (std::ranges::any_of(term.y, [](double v) { return v > 0; }))
                 plot.series.push_back(std::move(term));
         }
         paragraph("Measured on the training view of each reported iteration.");
@@ -200,7 +200,7 @@ private:
         if (shown.names.size() > kMaxBars) {
             std::vector<std::size_t> order(bars.names.size());
             for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-            std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+            std::ranges::stable_sort(order, [&](std::size_t a, std::size_t b) {
                 return bars.values[a] < bars.values[b];
             });
             shown.title += str(", the ", kMaxBars, " lowest of ", order.size());

@@ -1,10 +1,9 @@
-#include "report/pictures.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "eval/benchmark_files.h"
 #include "io/images/image_file.h"
+#include "report/page_data.h"
 
 namespace tvsgs {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <set>
 
-#include "core/error.h"
 #include "core/version.h"
+#include "io/files/read_file.h"
 #include "report/plot.h"
 
 namespace tvsgs {
@@ -21,31 +21,21 @@ void add_number(Metrics& metrics, const std::string& name, const JsonValue& valu
 void add_geometry(Metrics& metrics, const std::string& source, const JsonValue& result) {
     for (const char* key : {"accuracy", "completeness", "chamfer"})
         add_number(metrics, str(key, " (", source, ")"), result[key]);
-    const auto add_threshold = [&](const JsonValue& at) {
-        for (const char* key : {"precision", "recall", "f1"})
+    for (const char* key : {"precision", "recall", "f1"}) {
+        for (const JsonValue& at : result["thresholds"].items)
             add_number(metrics, str(key, "@", short_number(at["tau"].number), " (", source, ")"),
                        at[key]);
-    };
-    for (const JsonValue& at : result["thresholds"].items) add_threshold(at);
-    // For tnt: at the threshold of the scene, so that scenes can be averaged.
-    for (const char* key : {"precision", "recall", "f1"})
+        // For tnt: at the threshold of the scene, so that scenes can be averaged.
         add_number(metrics, str(key, " (", source, ")"), result[key]);
+    }
 }
 
 /// Distinct values in order of appearance.
-template <class Get>
-std::vector<std::string> distinct(const std::vector<TableRun>& runs, Get&& get) {
+std::vector<std::string> distinct(const std::vector<TableRun>& runs, std::string TableRun::*part) {
     std::vector<std::string> names;
     for (const TableRun& run : runs)
-        if (std::find(names.begin(), names.end(), get(run)) == names.end())
-            names.push_back(get(run));
+        if (std::ranges::find(names, run.*part) == names.end()) names.push_back(run.*part);
     return names;
-}
-std::vector<std::string> scenes_of(const std::vector<TableRun>& runs) {
-    return distinct(runs, [](const TableRun& r) { return r.scene; });
-}
-std::vector<std::string> configurations_of(const std::vector<TableRun>& runs) {
-    return distinct(runs, [](const TableRun& r) { return r.configuration; });
 }
 
 /// Escapes characters that would end a cell or be read as markup in Markdown.
@@ -67,15 +57,16 @@ std::string cell_text(const Cell& cell, int digits) {
 
 struct Column {
     std::string head, metric;
-    std::string scene;  // empty: the mean over all scenes
-    int better = 0;     // +1: higher is better, -1: lower is better, 0: neither
+    int better = 0;  // +1: higher is better, -1: lower is better, 0: neither
     int digits = 4;
+    std::string scene{};  // empty: the mean over all scenes
 };
 
 class Tables {
 public:
     Tables(const std::vector<TableRun>& runs, const std::vector<PublishedFigure>& published)
-        : scenes_(scenes_of(runs)), configurations_(configurations_of(runs)) {
+        : scenes_(distinct(runs, &TableRun::scene)),
+          configurations_(distinct(runs, &TableRun::configuration)) {
         for (const TableRun& run : runs)
             for (const auto& [name, value] : metrics_of(run.report)) {
                 values_[{run.scene, run.configuration, name}].push_back(value);
@@ -88,28 +79,25 @@ public:
             if (!mean && !(theirs.size() == 1 && ours.count(figure.scenes[0]))) continue;
             const std::string row = str(figure.method, " (", figure.source, ")");
             published_[{mean ? "" : figure.scenes[0], row, figure.metric}] = figure.value;
-            if (std::find(published_rows_.begin(), published_rows_.end(), row) ==
-                published_rows_.end())
+            if (std::ranges::find(published_rows_, row) == published_rows_.end())
                 published_rows_.push_back(row);
         }
     }
 
     std::string markdown() const {
         std::string text;
-        for (const std::string& source : sources("chamfer")) {
-            std::vector<Column> columns = per_scene({{"", "chamfer" + source, -1, 4}});
-            text += table("Chamfer distance" + source, "scene units", columns);
-        }
-        for (const std::string& at : sources("f1@"))
-            text += table("Precision, recall and F1 at " + at, "",
-                          per_scene({{"P", "precision@" + at, 1, 3},
-                                     {"R", "recall@" + at, 1, 3},
-                                     {"F1", "f1@" + at, 1, 3}}));
+        for (const std::string& source : sources("chamfer"))
+            text += table("Chamfer distance" + source, "scene units",
+                          per_scene({{"", "chamfer" + source, -1, 4}}));
+        const auto add_scores = [&](const std::string& title, const std::string& suffix) {
+            text += table("Precision, recall and F1 at " + title, "",
+                          per_scene({{"P", "precision" + suffix, 1, 3},
+                                     {"R", "recall" + suffix, 1, 3},
+                                     {"F1", "f1" + suffix, 1, 3}}));
+        };
+        for (const std::string& at : sources("f1@")) add_scores(at, "@" + at);
         for (const std::string& source : sources("f1 "))
-            text += table("Precision, recall and F1 at the scene's threshold " + source, "",
-                          per_scene({{"P", "precision " + source, 1, 3},
-                                     {"R", "recall " + source, 1, 3},
-                                     {"F1", "f1 " + source, 1, 3}}));
+            add_scores("the scene's threshold " + source, " " + source);
         for (const char* masked : {"", "_masked"})
             text += table(*masked ? "Novel views, object only" : "Novel views", "",
                           per_scene({{"PSNR", str("psnr", masked), 1, 4},
@@ -124,11 +112,6 @@ public:
     }
 
 private:
-    struct Part {
-        std::string head, metric;
-        int better, digits;
-    };
-
     /// Suffixes of the metric names with this prefix: " (centres)", "0.02 (centres)".
     std::vector<std::string> sources(const std::string& prefix) const {
         std::vector<std::string> found;
@@ -137,12 +120,15 @@ private:
         return found;
     }
 
-    std::vector<Column> per_scene(const std::vector<Part>& parts) const {
+    /// These columns for each scene, and for the mean over all scenes.
+    std::vector<Column> per_scene(const std::vector<Column>& parts) const {
         std::vector<Column> columns;
         const auto add = [&](const std::string& head, const std::string& scene) {
-            for (const Part& p : parts)
-                columns.push_back({head + (p.head.empty() ? "" : ": " + p.head), p.metric, scene,
-                                   p.better, p.digits});
+            for (Column part : parts) {
+                part.head = head + (part.head.empty() ? "" : ": " + part.head);
+                part.scene = scene;
+                columns.push_back(std::move(part));
+            }
         };
         for (const std::string& scene : scenes_) add(scene, scene);
         if (scenes_.size() > 1) add("mean", "");
@@ -155,7 +141,7 @@ private:
             const bool quality = name.starts_with("f1") || name == "psnr" || name == "ssim";
             if (quality || name.starts_with("chamfer") || name == "lpips" || name == "seconds" ||
                 name == "peak MiB")
-                columns.push_back({name, name, "", quality ? 1 : -1, 4});
+                columns.push_back({name, name, quality ? 1 : -1, 4});
         }
         return columns;
     }
@@ -185,8 +171,8 @@ private:
                       const std::string& unit,
                       std::vector<Column> columns) const {
         std::erase_if(columns, [&](const Column& c) {
-            return std::none_of(configurations_.begin(), configurations_.end(),
-                                [&](const std::string& name) { return cell(name, c).count > 0; });
+            return std::ranges::none_of(
+                configurations_, [&](const std::string& name) { return cell(name, c).count > 0; });
         });
         if (columns.empty()) return "";
         std::string head = "| configuration |", rule = "| --- |";
@@ -219,7 +205,7 @@ private:
 
     bool is_best(const Cell& own, const Column& column) const {
         if (column.better == 0 || own.count == 0 || configurations_.size() < 2) return false;
-        return std::all_of(configurations_.begin(), configurations_.end(), [&](const auto& name) {
+        return std::ranges::all_of(configurations_, [&](const auto& name) {
             const Cell other = cell(name, column);
             return other.count == 0 || column.better * (own.mean - other.mean) >= 0;
         });
@@ -239,7 +225,7 @@ struct Trace {
 
     /// Linear in the logarithm of time; constant beyond the ends.
     double at(double t) const {
-        const auto next = std::lower_bound(seconds.begin(), seconds.end(), t);
+        const auto next = std::ranges::lower_bound(seconds, t);
         if (next == seconds.begin()) return values.front();
         if (next == seconds.end()) return values.back();
         const auto i = static_cast<std::size_t>(next - seconds.begin());
@@ -307,11 +293,9 @@ Series overlay(const std::string& name, const std::vector<Trace>& seeds) {
 
 std::string file_name(const std::string& text) {
     std::string out;
-    for (const char c : text) {
-        const bool plain = (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
-        const bool upper = c >= 'A' && c <= 'Z';
-        if (plain || upper)
-            out += upper ? static_cast<char>(c - 'A' + 'a') : c;
+    for (const char c : lower_case(text)) {
+        if ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-')
+            out += c;
         else if (!out.ends_with('_'))
             out += '_';
     }
@@ -322,6 +306,34 @@ std::string quoted(const std::string& text) {
     std::string out = "\"";
     for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
     return out + "\"";
+}
+
+/// Returns false when no run has several evaluations.
+bool overlay_plot(const std::vector<TableRun>& runs,
+                  const std::string& scene,
+                  const Quality& quality,
+                  double threshold,
+                  OverlayPlot& out) {
+    const std::string at = threshold > 0 ? short_number(threshold) : "";
+    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene), "seconds",
+              quality.unit, /*log_x=*/true, quality.log_y};
+    bool over_time = false;
+    for (const std::string& configuration : distinct(runs, &TableRun::configuration)) {
+        std::vector<Trace> seeds;
+        for (const TableRun& run : runs)
+            if (run.scene == scene && run.configuration == configuration)
+                seeds.push_back(trace_of(run.report, quality, threshold));
+        std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
+        if (seeds.empty()) continue;
+        over_time |= seeds.front().seconds.size() > 1;
+        plot.series.push_back(overlay(configuration, seeds));
+        if (seeds.size() > 1)
+            plot.note = "Means over seeds; bands show the lowest and the highest.";
+    }
+    const std::string name = file_name(str(scene, "_", quality.name, *quality.source ? "_" : "",
+                                           quality.source, at.empty() ? "" : "_" + at));
+    if (over_time) out = {name, plot.title, standalone_svg(plot_svg(plot, name))};
+    return over_time;
 }
 
 }  // namespace
@@ -364,14 +376,14 @@ std::vector<PublishedFigure> parse_published(const JsonValue& file, const std::s
             figure.scenes.push_back(scene.text + entry["with"].text);
         if (figure.method.empty() || !file["sources"][figure.source] || figure.scenes.empty() ||
             figure.metric.empty() || !std::isfinite(figure.value))
-            throw Error(ExitCode::input, str(where, ": figure ", figures.size() + 1,
-                                             ": expected method, source (of 'sources'), set (of "
-                                             "'sets') or scenes, metric and value"));
+            throw input_error(
+                where, ": figure ", figures.size() + 1,
+                ": expected method, source (of 'sources'), set (of 'sets') or scenes, "
+                "metric and value");
         figures.push_back(std::move(figure));
     }
     if (figures.empty())
-        throw Error(ExitCode::input,
-                    str(where, ": no list 'figures'; see docs/published_figures.json"));
+        throw input_error(where, ": no list 'figures'; see docs/published_figures.json");
     return figures;
 }
 
@@ -390,41 +402,9 @@ std::string tables_csv(const std::vector<TableRun>& runs) {
     return text;
 }
 
-namespace {
-
-/// Returns false when no run has several evaluations.
-bool overlay_plot(const std::vector<TableRun>& runs,
-                  const std::string& scene,
-                  const Quality& quality,
-                  double threshold,
-                  OverlayPlot& out) {
-    const std::string at = threshold > 0 ? short_number(threshold) : "";
-    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene), "seconds",
-              quality.unit, /*log_x=*/true, quality.log_y};
-    bool over_time = false;
-    for (const std::string& configuration : configurations_of(runs)) {
-        std::vector<Trace> seeds;
-        for (const TableRun& run : runs)
-            if (run.scene == scene && run.configuration == configuration)
-                seeds.push_back(trace_of(run.report, quality, threshold));
-        std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
-        if (seeds.empty()) continue;
-        over_time |= seeds.front().seconds.size() > 1;
-        plot.series.push_back(overlay(configuration, seeds));
-        if (seeds.size() > 1)
-            plot.note = "Means over seeds; bands show the lowest and the highest.";
-    }
-    const std::string name = file_name(str(scene, "_", quality.name, *quality.source ? "_" : "",
-                                           quality.source, at.empty() ? "" : "_" + at));
-    if (over_time) out = {name, plot.title, standalone_svg(plot_svg(plot, name))};
-    return over_time;
-}
-
-}  // namespace
-
 std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs) {
     std::vector<OverlayPlot> plots;
-    for (const std::string& scene : scenes_of(runs))
+    for (const std::string& scene : distinct(runs, &TableRun::scene))
         for (const Quality& quality : kQualities) {
             std::set<double> thresholds;
             for (const TableRun& run : runs)

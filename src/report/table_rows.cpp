@@ -1,11 +1,10 @@
 // Groups runs into rows of a table: the runs of a row differ only in their seed.
-#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <set>
 #include <tuple>
 
-#include "core/error.h"
+#include "io/files/read_file.h"
 #include "report/plot.h"
 #include "report/table.h"
 
@@ -185,11 +184,9 @@ std::vector<std::string> equal_seeds(const std::vector<TableRun>& runs) {
     std::vector<std::string> sentences;
     for (const auto& [row, of_seed] : folders) {
         if (of_seed.size() < 2) continue;
-        std::string list;
-        for (const std::string& folder : of_seed) list += (list.empty() ? "" : ", ") + folder;
         sentences.push_back(
-            str(list, ": all have seed ", short_number(std::get<2>(row), 15), ", in row '",
-                std::get<0>(row), "' of ", std::get<1>(row),
+            str(joined(of_seed), ": all have seed ", short_number(std::get<2>(row), 15),
+                ", in row '", std::get<0>(row), "' of ", std::get<1>(row),
                 "; give runs of different seeds (tvsgs-train --seed N), or a LABEL for each"));
     }
     return sentences;

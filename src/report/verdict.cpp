@@ -7,7 +7,7 @@
 #include "pipeline/run/train_evaluation.h"
 #include "plan/look.h"
 #include "report/plot.h"
-#include "report/report_parts.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {
@@ -240,9 +240,7 @@ private:
     void next() {
         if (!coverage_) return;
         const std::vector<FarView> far = far_views(nullptr);
-        const auto worst =
-            std::min_element(far.begin(), far.end(),
-                             [](const FarView& a, const FarView& b) { return a.psnr < b.psnr; });
+        const auto worst = std::ranges::min_element(far, {}, &FarView::psnr);
         if (worst != far.end())
             v_.next.push_back(str("From where the test view ", worst->name, " stands: PSNR ",
                                   short_number(worst->psnr, 3), " dB, and the nearest ",

@@ -1,5 +1,3 @@
-#include "report/view_pack.h"
-
 #include <zlib.h>
 
 #include <algorithm>
@@ -13,6 +11,7 @@
 #include "optim/growth/splat_order.h"
 #include "pipeline/run/splat_selection.h"
 #include "render/tiles/blend_math.h"
+#include "report/page_data.h"
 
 namespace tvsgs {
 namespace {
@@ -31,7 +30,7 @@ void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
                          return of_a != of_b ? of_a > of_b : a < b;
                      });
     order.resize(count);
-    std::sort(order.begin(), order.end());
+    std::ranges::sort(order);
     keep_splats(order, g);
 }
 

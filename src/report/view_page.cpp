@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 
 #include "core/device/parallel_lists.h"
 #include "core/error.h"
@@ -15,9 +14,8 @@
 #include "render/depth/map_images.h"
 #include "render/tiles/blend_math.h"
 #include "report/page.h"
-#include "report/pictures.h"
+#include "report/page_data.h"
 #include "report/plot.h"
-#include "report/view_pack.h"
 
 namespace tvsgs {
 namespace {
@@ -145,10 +143,8 @@ std::string hold(const char* id, std::size_t index, const std::string& base64_te
 /// Builds a page step by step.
 class Builder {
 public:
-    Builder(std::vector<ViewRun> runs,
-            const std::vector<ViewCamera>& cameras,
-            const ViewPageOptions& options)
-        : runs_(std::move(runs)), cameras_(cameras), options_(options) {}
+    Builder(ViewSubject subject, const ViewPageOptions& options)
+        : subject_(std::move(subject)), options_(options) {}
 
     ViewPage build() {
         add_cameras();
@@ -287,8 +283,8 @@ private:
 
     /// Radio buttons: one of them is shown.
     std::string modes() const {
-        const bool mesh = std::any_of(runs_.begin(), runs_.end(),
-                                      [](const ViewRun& r) { return !r.mesh.faces.empty(); });
+        const bool mesh =
+            std::ranges::any_of(runs_, [](const ViewRun& r) { return !r.mesh.faces.empty(); });
         std::string text;
         const auto add = [&](const char* name, const char* label, const char* key) {
             text += str("<label><input type=\"radio\" name=\"mode\" value=\"", name,
@@ -310,7 +306,7 @@ private:
 
     std::string layers() const {
         const auto button = [](const char* name, const char* label, const char* key) {
-            return str("<button type=\"button\" data-show=\"", name,
+            return str("<button type=\"button\" data-show=\"", name, "\" data-keys=\"", key,
                        "\" aria-pressed=\"true\" aria-keyshortcuts=\"", key, "\">", label,
                        "<kbd aria-hidden=\"true\">", key, "</kbd></button>");
         };
@@ -331,8 +327,8 @@ private:
             for (const std::uint8_t channel : {c.r, c.g, c.b})
                 palette += static_cast<char>(channel);
         }
-        about_.add("origin", list_of(options_.origin))
-            .add("unit", options_.metres ? "metres" : "units")
+        about_.add("origin", list_of(subject_.origin))
+            .add("unit", subject_.metres ? "metres" : "units")
             .add("follow", options_.follow ? 1.0 : 0.0)
             .add("runs", abouts_)
             .add("palette", base64(palette));
@@ -358,7 +354,7 @@ private:
              {"scale", full_ > 0
                            ? str("<div id=\"scale\" hidden><p>Distance to the true surface, "
                                  "in ",
-                                 options_.metres ? "metres" : "scene units",
+                                 subject_.metres ? "metres" : "scene units",
                                  ". Grey: not measured.</p>\n", error_scale(full_), "</div>\n")
                            : ""},
              {"parts", parts_},
@@ -368,8 +364,9 @@ private:
              {"script", kViewScript}});
     }
 
-    std::vector<ViewRun> runs_;
-    const std::vector<ViewCamera>& cameras_;
+    ViewSubject subject_;
+    std::vector<ViewRun>& runs_ = subject_.runs;
+    const std::vector<ViewCamera>& cameras_ = subject_.cameras;
     const ViewPageOptions& options_;
     JsonValue about_;
     std::vector<JsonValue> abouts_;  // of the runs
@@ -382,10 +379,8 @@ private:
 
 }  // namespace
 
-ViewPage view_page(std::vector<ViewRun> runs,
-                   const std::vector<ViewCamera>& cameras,
-                   const ViewPageOptions& options) {
-    return Builder(std::move(runs), cameras, options).build();
+ViewPage view_page(ViewSubject subject, const ViewPageOptions& options) {
+    return Builder(std::move(subject), options).build();
 }
 
 }  // namespace tvsgs

@@ -38,8 +38,6 @@ struct ViewPageOptions {
     int max_splats = 50'000'000;         // per run
     int max_photos = 60;
     bool follow = false;  // the page follows a running training through its server
-    Vec3d origin{};       // of the page's frame, in the scene's frame
-    bool metres = false;  // the scene's unit is the metre
 };
 
 struct ViewPage {
@@ -52,11 +50,6 @@ struct ViewPage {
 inline constexpr const char* kViewPolicy =
     "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src "
     "'unsafe-inline'; worker-src blob:";
-
-/// `cameras`: at least one.
-ViewPage view_page(std::vector<ViewRun> runs,
-                   const std::vector<ViewCamera>& cameras,
-                   const ViewPageOptions& options = {});
 
 inline constexpr std::size_t kViewFaces = 500'000;
 
@@ -71,13 +64,13 @@ struct ViewInput {
     const char* whole = "page";  // word for the page in warnings about missing parts
 };
 
-/// Input of view_page(). The frame is the frame of the first run's cameras, moved close to zero.
+/// What a page shows. The frame is the frame of the first run's cameras, moved close to zero.
 struct ViewSubject {
     std::vector<ViewRun> runs;
-    std::vector<ViewCamera> cameras;
-    Vec3d origin;                      // of the frame, in the scene's frame
-    bool metres = false;               // the scene's unit is known to be the metre
-    std::vector<std::string> missing;  // parts left out, with reasons
+    std::vector<ViewCamera> cameras;     // at least one
+    Vec3d origin{};                      // of the frame, in the scene's frame
+    bool metres = false;                 // the scene's unit is known to be the metre
+    std::vector<std::string> missing{};  // parts left out, with reasons
 };
 
 /// Whether the scene of a run was put in place (georeference.json) or scaled by markers
@@ -88,5 +81,7 @@ bool in_metres(const std::string& run, const std::string& scene);
 /// `input` names must be readable. Simplifies meshes. Throws Error(ExitCode::input) for a folder
 /// that is no run folder.
 ViewSubject read_view_subject(const ViewInput& input);
+
+ViewPage view_page(ViewSubject subject, const ViewPageOptions& options = {});
 
 }  // namespace tvsgs

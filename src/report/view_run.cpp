@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "core/log.h"
 #include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
@@ -9,7 +8,7 @@
 #include "mesh/simplify/simplify.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
-#include "report/data.h"
+#include "report/report.h"
 #include "report/view_page.h"
 
 namespace tvsgs {
@@ -28,14 +27,8 @@ RunOptions options_of(const std::string& run) {
     return options;
 }
 
-/// An entry of cameras.json, in double.
-struct FileCamera {
-    std::string name;
-    Camera camera;  // without its position
-    Vec3d centre;
-};
-
-FileCamera file_camera(const JsonValue& json, const std::string& path) {
+/// An entry of cameras.json. Its `centre` stays in double; the camera has no position.
+ViewCamera file_camera(const JsonValue& json, const std::string& path, Vec3d& centre) {
     const auto require = [&](bool complete) {
         if (!complete)
             throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
@@ -49,7 +42,8 @@ FileCamera file_camera(const JsonValue& json, const std::string& path) {
         require(is_finite(v));
         return v;
     };
-    FileCamera out{json["img_name"].text, {}, vector(json["position"])};
+    ViewCamera out{json["img_name"].text, false, {}, {}};
+    centre = vector(json["position"]);
     Camera& c = out.camera;
     const auto size = [&](const char* key) {
         const double pixels = number(json[key]);
@@ -77,43 +71,33 @@ FileCamera file_camera(const JsonValue& json, const std::string& path) {
     return out;
 }
 
-std::vector<FileCamera> file_cameras(const std::string& run) {
+/// Reads the cameras into a frame close to zero.
+void read_cameras(const std::string& run, ViewSubject& subject) {
     const std::string path = run + "/cameras.json";
-    std::vector<FileCamera> cameras;
+    std::vector<Vec3d> centres;
     for (const JsonValue& entry : parse_json_value(read_bytes(path), path).items)
-        cameras.push_back(file_camera(entry, path));
-    if (cameras.empty()) throw input_error(path, ": no cameras; expected at least one");
-    return cameras;
+        subject.cameras.push_back(file_camera(entry, path, centres.emplace_back()));
+    if (centres.empty()) throw input_error(path, ": no cameras; expected at least one");
+    subject.origin = local_origin(centres);
+    for (std::size_t i = 0; i < centres.size(); ++i) {
+        Rigid3f& pose = subject.cameras[i].camera.camera_from_world;
+        pose.t = -(pose.R * vec_cast<float>(centres[i] - subject.origin));
+    }
 }
 
-ViewCamera placed(FileCamera&& file, Vec3d origin) {
-    ViewCamera view{std::move(file.name), false, file.camera, {}};
-    Rigid3f& pose = view.camera.camera_from_world;
-    pose.t = -(pose.R * vec_cast<float>(file.centre - origin));
-    return view;
-}
-
-void add_photographs(std::vector<ViewCamera>& cameras, Scene scene) {
-    for (std::vector<View>* views : {&scene.train, &scene.test})
-        for (View& view : *views)
-            for (ViewCamera& camera : cameras)
-                if (camera.name == view.name) {
-                    camera.photo = std::move(view.photo);
-                    camera.test = views == &scene.test;
-                }
-}
-
-/// Marks test views, and adds a few evenly spaced photographs.
-void add_some_photographs(std::vector<ViewCamera>& cameras, const Scene& scene) {
-    const std::size_t n = cameras.size(), kept = std::min(n, kFewPhotos);
+/// Marks test views, and adds at most `most` evenly spaced photographs. Copies those of a constant
+/// scene.
+template <class AnyScene>
+void add_photographs(std::vector<ViewCamera>& cameras, AnyScene& scene, std::size_t most) {
+    const std::size_t n = cameras.size(), kept = std::min(n, most);
     std::vector<bool> chosen(n);
     for (std::size_t k = 0; k < kept; ++k) chosen[kept < 2 ? 0 : k * (n - 1) / (kept - 1)] = true;
-    for (const std::vector<View>* views : {&scene.train, &scene.test})
-        for (const View& view : *views)
+    for (auto* views : {&scene.train, &scene.test})
+        for (auto& view : *views)
             for (std::size_t i = 0; i < n; ++i) {
                 if (cameras[i].name != view.name) continue;
                 cameras[i].test = views == &scene.test;
-                if (chosen[i]) cameras[i].photo = view.photo;
+                if (chosen[i]) cameras[i].photo = std::move(view.photo);
             }
 }
 
@@ -130,11 +114,9 @@ EvaluationOptions truth_options(const EvaluationOptions& of_run, const std::stri
     return options;
 }
 
-ViewRun read_run(const std::string& path,
-                 const ViewInput& input,
-                 Vec3d origin,
-                 const std::vector<ViewCamera>& cameras,
-                 std::vector<std::string>* missing) {
+ViewRun read_run(const std::string& path, const ViewInput& input, ViewSubject& subject) {
+    const Vec3d origin = subject.origin;
+    std::vector<std::string>* const missing = &subject.missing;
     const RunOptions options = options_of(path);
     ViewRun run;
     run.name = folder_name(path);
@@ -153,7 +135,7 @@ ViewRun read_run(const std::string& path,
         check_mesh(file, mesh);
         run.mesh_faces = mesh.faces.size();
         std::vector<Camera> all;
-        for (const ViewCamera& c : cameras) all.push_back(c.camera);
+        for (const ViewCamera& c : subject.cameras) all.push_back(c.camera);
         if (run.mesh_faces > input.max_faces)
             simplify_and_log(mesh, all, {0, static_cast<int>(input.max_faces)});
         run.mesh = std::move(mesh);
@@ -191,24 +173,20 @@ bool in_metres(const std::string& run, const std::string& scene) {
 ViewSubject read_view_subject(const ViewInput& input) {
     ViewSubject subject;
     RunOptions first = options_of(input.runs.front());
-    std::vector<FileCamera> files = file_cameras(input.runs.front());
-    std::vector<Vec3d> centres;
-    for (const FileCamera& c : files) centres.push_back(c.centre);
-    const Vec3d origin = subject.origin = local_origin(centres);
-    for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
+    read_cameras(input.runs.front(), subject);
     if (!input.scene.empty()) first.scene.path = input.scene;
     if_possible(
         "the unit", [&] { subject.metres = in_metres(input.runs.front(), first.scene.path); },
         input.whole, &subject.missing);
     const auto read = [&] {
-        add_photographs(subject.cameras, read_scene_of_run(first.scene, input.runs.front()));
+        Scene scene = read_scene_of_run(first.scene, input.runs.front());
+        add_photographs(subject.cameras, scene, subject.cameras.size());
     };
     if (input.loaded != nullptr)
-        add_some_photographs(subject.cameras, *input.loaded);
+        add_photographs(subject.cameras, *input.loaded, kFewPhotos);
     else
         if_possible("photographs", read, input.whole, &subject.missing);
-    for (const std::string& run : input.runs)
-        subject.runs.push_back(read_run(run, input, origin, subject.cameras, &subject.missing));
+    for (const std::string& run : input.runs) subject.runs.push_back(read_run(run, input, subject));
     return subject;
 }
 

@@ -25,7 +25,6 @@ struct Model {
         image.id = 7;
         image.camera_from_world = rigid_exp(turn, shift);
         test::Random random(1);
-        points.track_begin.push_back(0);
         for (int i = 0; i < kPoints; ++i) {
             const double z = random.uniform(3, 6);
             const Vec3d p{z * random.uniform(-0.4, 0.4), z * random.uniform(-0.3, 0.3), z};

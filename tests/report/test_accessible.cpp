@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "io/files/atomic_file.h"
-#include "report/pictures.h"
-#include "report/report_parts.h"
+#include "report/page_data.h"
+#include "report/report.h"
 #include "view_cases.h"
 
 namespace tvsgs {
@@ -198,7 +198,7 @@ ViewPage full_view() {
     }
     ViewPageOptions options;
     options.max_splats = 50;
-    return view_page(std::move(runs), two_cameras(), options);
+    return view_page({std::move(runs), two_cameras()}, options);
 }
 
 std::string full_report() {

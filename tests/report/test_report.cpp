@@ -11,9 +11,9 @@
 #include "core/grouped.h"
 #include "io/files/json_value.h"
 #include "pipeline/run/train_evaluation.h"
-#include "report/pictures.h"
+#include "report/page_data.h"
 #include "report/plot.h"
-#include "report/report_parts.h"
+#include "report/report.h"
 #include "support/browser.h"
 #include "support/count_of.h"
 

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "report/report_parts.h"
+#include "report/report.h"
 
 namespace tvsgs {
 namespace {

@@ -8,8 +8,7 @@
 #include "io/files/atomic_file.h"
 #include "io/splats/splat_files.h"
 #include "render/backbone.h"
-#include "report/pictures.h"
-#include "report/view_pack.h"
+#include "report/page_data.h"
 #include "report/view_page.h"
 #include "view_cases.h"
 
@@ -86,7 +85,7 @@ TEST(ViewPage, HoldsWhatItShowsAndNothingFromElsewhere) {
     runs.push_back(run_of("other", "surfel", sphere(60)));
     std::vector<ViewCamera> cameras = two_cameras();
     cameras[0].name = "<img src=x>.jpg";
-    const ViewPage page = view_page(std::move(runs), cameras);
+    const ViewPage page = view_page({std::move(runs), cameras});
     EXPECT_EQ(page.html.find("{{"), std::string::npos) << "a place that nobody filled";
     EXPECT_EQ(page.html.find("<b>run"), std::string::npos);
     EXPECT_EQ(page.html.find("<img src=x"), std::string::npos);
@@ -109,7 +108,7 @@ TEST(ViewPage, KeepsToItsSizeAndSaysWhatGaveWay) {
         runs.push_back(run_of("run", "ewa", test::random_gaussians(20000, 2)));
         ViewPageOptions options;
         options.max_bytes = bytes, options.max_splats = most;
-        return view_page(std::move(runs), two_cameras(), options);
+        return view_page({std::move(runs), two_cameras()}, options);
     };
     EXPECT_TRUE(page_of(40'000'000).notes.empty());
     const ViewPage lower = page_of(1'000'000), fewer = page_of(500'000);
@@ -217,7 +216,7 @@ TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
     std::vector<ViewRun> runs;
     for (Case& c : cases) runs.push_back(run_of(c.backbone, c.backbone, std::move(c.splats)));
     const std::vector<ViewCamera> cameras = two_cameras();
-    const ViewPage page = view_page(std::move(runs), cameras);
+    const ViewPage page = view_page({std::move(runs), cameras});
     const fs::path file = folder("draws") / "page.html";
     write_text_file(file, page.html);
     for (const int bits : {16, 8}) {
@@ -244,7 +243,7 @@ TEST_F(ViewInBrowser, OneSplatIsItsFormulaAndNoneIsBlack) {
     resize(none, 0, 0);
     runs.push_back(run_of("none", "ewa", std::move(none)));
     const std::vector<ViewCamera> cameras = two_cameras();
-    const ViewPage page = view_page(std::move(runs), cameras);
+    const ViewPage page = view_page({std::move(runs), cameras});
     const fs::path file = folder("single") / "page.html";
     write_text_file(file, page.html);
     const JsonValue result = test_of_page(file, "?test=0");
@@ -303,7 +302,7 @@ TEST_F(ViewInBrowser, MeshesCoverTheirPixelsAndErrorsHaveTheirColours) {
     std::vector<ViewRun> runs;
     runs.push_back(std::move(run));
     const fs::path file = folder("mesh") / "page.html";
-    write_text_file(file, view_page(std::move(runs), cameras).html);
+    write_text_file(file, view_page({std::move(runs), cameras}).html);
     const JsonValue own = test_of_page(file, "?test=1&show=mesh"),
                     error = test_of_page(file, "?test=1&show=error"),
                     centres = test_of_page(file, "?test=1&show=centre-error");
@@ -340,7 +339,7 @@ TEST_F(ViewInBrowser, WithoutWebGlThereArePicturesAndANotice) {
     std::vector<ViewRun> runs;
     runs.push_back(run_of("run", "ewa", test::random_gaussians(100, 4)));
     const fs::path file = folder("refused") / "page.html";
-    write_text_file(file, view_page(std::move(runs), two_cameras()).html);
+    write_text_file(file, view_page({std::move(runs), two_cameras()}).html);
     const std::string html = page_in_browser(file, "", "--disable-3d-apis");
     EXPECT_NE(text_of(html, "status").find("No view in 3D"), std::string::npos)
         << text_of(html, "status");
@@ -353,7 +352,7 @@ TEST_F(ViewInBrowser, ThePageComesToRestReady) {
     runs.push_back(run_of("a", "ewa", test::random_gaussians(100, 4)));
     runs.push_back(run_of("b", "surfel", sphere(100)));
     const fs::path file = folder("ready") / "page.html";
-    write_text_file(file, view_page(std::move(runs), two_cameras()).html);
+    write_text_file(file, view_page({std::move(runs), two_cameras()}).html);
     const std::string html = page_in_browser(file, "?wait");
     EXPECT_NE(text_of(html, "status").find("Drag to turn"), std::string::npos)
         << text_of(html, "status");

@@ -4,7 +4,7 @@
 #include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
 #include "io/splats/splat_files.h"
-#include "report/pictures.h"
+#include "report/page_data.h"
 #include "view_cases.h"
 
 namespace tvsgs {
@@ -63,7 +63,7 @@ async function drive(viewer) {
 </script>)JS";
     std::vector<ViewRun> runs;
     runs.push_back(run_of("run", "ewa", test::random_gaussians(50, 4)));
-    std::string page = view_page(std::move(runs), two_cameras()).html;
+    std::string page = view_page({std::move(runs), two_cameras()}).html;
     const fs::path file = folder("driven") / "page.html";
     write_text_file(file, page.insert(page.rfind("</body>"), script));
     const std::string html = page_in_browser(file, "?wait", "--window-size=500,600"),
@@ -214,9 +214,8 @@ async function drive(viewer) {
             list(middle + 0.4f * down - 0.6f * across), ",", list(normal), "];</script>");
     std::vector<ViewRun> runs;
     runs.push_back(plane_run(middle, across, down, normal));
-    ViewPageOptions options;
-    options.origin = {10, 0, 0}, options.metres = true;
-    std::string page = view_page(std::move(runs), two_cameras(), options).html;
+    std::string page =
+        view_page({std::move(runs), two_cameras(), {10, 0, 0}, /*metres=*/true}).html;
     const fs::path file = folder("points") / "page.html";
     write_text_file(file, page.insert(page.rfind("</body>"), points + script));
     const std::string html = page_in_browser(file, "?wait&show=bogus&camera=99&zoom=2",
@@ -291,7 +290,7 @@ Viewer.prototype.begin = function() {
 </script>)JS";
     std::vector<ViewRun> runs;
     runs.push_back(run_of("run", "ewa", test::random_gaussians(50, 4)));
-    std::string page = view_page(std::move(runs), two_cameras()).html;
+    std::string page = view_page({std::move(runs), two_cameras()}).html;
     const fs::path file = folder("ordered") / "page.html";
     write_text_file(file, page.insert(page.rfind("</body>"), script));
     const std::string html = page_in_browser(file, "?wait"), text = text_of(html, "seen");
@@ -350,8 +349,8 @@ Viewer.prototype.begin = function() {
     runs.push_back(run_of("run", "ewa", std::move(none)));
     ViewPageOptions options;
     options.follow = true;
-    options.origin = {7, 0, -1};  // of the page's frame; the snapshots' is at 7 0 0
-    std::string page = view_page(std::move(runs), two_cameras(), options).html;
+    const Vec3d origin{7, 0, -1};  // of the page's frame; the snapshots' is at 7 0 0
+    std::string page = view_page({std::move(runs), two_cameras(), origin}, options).html;
     EXPECT_NE(page.find("connect-src 'self'"), std::string::npos);
     const fs::path file = folder("followed") / "page.html";
     write_text_file(file, page.insert(page.rfind("</body>"),

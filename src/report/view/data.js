@@ -45,7 +45,7 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
   if (degree > 3 || bytes.byteLength < 16 + count * (20 + shBytes))
     throw Error('the splats of this page are damaged');
   const alphas = 16 + 9 * count, colors = alphas + count, scales = colors + 3 * count,
-        rotations = scales + 3 * count, sh = rotations + 4 * count;
+        rotations = scales + 3 * count, rest = rotations + 4 * count;
   const rows = Math.max(1, Math.ceil(count / kPerRow)), cells = rows * kPerRow;
   const places = new Uint32Array(4 * cells), shapes = new Uint32Array(2 * cells);
   const floats = new Float32Array(places.buffer), positions = new Float32Array(3 * count);
@@ -64,17 +64,9 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
   const layers = Math.ceil(shBytes / 16), harmonics = new Uint8Array(16 * layers * cells);
   for (let i = 0; i < count; ++i)
     for (let b = 0; b < shBytes; ++b)
-      harmonics[16 * ((b >> 4) * cells + i) + (b & 15)] = bytes[sh + shBytes * i + b];
-  return {
-    count,
-    degree,
-    rows,
-    layers,
-    positions,
-    places,
-    shapes,
-    sh: new Uint32Array(harmonics.buffer)
-  };
+      harmonics[16 * ((b >> 4) * cells + i) + (b & 15)] = bytes[rest + shBytes * i + b];
+  const sh = new Uint32Array(harmonics.buffer);
+  return {count, degree, rows, layers, positions, places, shapes, sh};
 }
 
 /** The box of most positions, without the outermost hundredth at each side. */
@@ -110,10 +102,8 @@ function unpackSplatsAside(bytes, errors, shift) {
   return new Promise((resolve, reject) => {
     worker.onmessage = ({data}) => {
       worker.terminate();
-      if (data.splats)
-        resolve(data.splats);
-      else
-        reject(Error(data.failed));
+      if (data.failed) reject(Error(data.failed));
+      resolve(data.splats);
     };
     worker.onerror = event => reject(Error(event.message));
     worker.postMessage([bytes, errors, shift], [bytes.buffer]);

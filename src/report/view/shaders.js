@@ -6,15 +6,8 @@ const kVersion = '#version 300 es\nprecision highp float;\nprecision highp int;\
     'precision highp usampler2D;\nprecision highp usampler2DArray;\n';
 
 /** Values of uLook: how a mesh is drawn. */
-const looks = {
-  colors: 0,
-  plain: 1,
-  normals: 2,
-  error: 3,
-  wire: 4,
-  fill: 5,
-  depth: 6
-};
+const looks = Object.fromEntries(
+    ['colors', 'plain', 'normals', 'error', 'wire', 'fill', 'depth'].map((name, i) => [name, i]));
 const kBins = 1024;  // depths of a probe
 
 const kSplatSource = `

@@ -348,17 +348,13 @@ class Viewer {
   setMode(name) {
     this.mode = name;
     this.view = {...this.view, bounded: false};
-    this.state();
-    say(this.now());
-    this.ask();
+    this.update(this.now());
   }
 
   measure() {
     this.measuring = !this.measuring, this.points = [];
     if (this.measuring && narrow()) this.fold(true);
-    say(this.measuring ? `Distance: ${touch ? 'tap' : 'click'} two points.` : this.now());
-    this.state();
-    this.ask();
+    this.update(this.measuring ? `Distance: ${touch ? 'tap' : 'click'} two points.` : this.now());
   }
 
   /** The box of the meshes and of all but the outermost splats, with a margin. */
@@ -417,9 +413,7 @@ class Viewer {
   cut() {
     this.box = this.box ? null : this.extent();
     this.view = {...this.view, bounded: false};
-    say(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
-    this.state();
-    this.ask();
+    this.update(this.box ? 'Only the inside of the box is shown.' : 'Nothing is cut off.');
   }
 
   /** Puts text on the clipboard, and into a field to copy by hand. */
@@ -506,9 +500,7 @@ class Viewer {
     this.camera = -1;
     this.flyTo(viewOf(camera, about.scene), () => {
       this.camera = this.selected;
-      this.state();
-      say(this.now());
-      this.ask();
+      this.update(this.now());
     });
     this.state();
   }
@@ -516,9 +508,8 @@ class Viewer {
   toggle(name) {
     const reason = name === 'photo' ? this.photoMissing() : '';
     if (!reason) this.show[name] = !this.show[name];
-    this.state();
-    say(reason || `${labels[name]}: ${this.show[name] ? 'shown' : 'hidden'}.`);
-    this.ask();
+    const label = document.querySelector(`button[data-show=${name}]`).firstChild.textContent;
+    this.update(reason || `${label}: ${this.show[name] ? 'shown' : 'hidden'}.`);
   }
 
   /** Why there is no photograph to show; empty: there is one. */
@@ -526,6 +517,13 @@ class Viewer {
     if (this.camera < 0) return 'Choose a camera first.';
     return about.cameras[this.camera].photo ? '' :
                                               'The photograph of this camera is not on this page.';
+  }
+
+  /** Shows a change of the state, and says it. */
+  update(text) {
+    this.state();
+    say(text);
+    this.ask();
   }
 
   /** Updates buttons, list and colour scale. */
@@ -611,29 +609,10 @@ class Viewer {
       help: () => element('help').showModal(),
       details: () => element('details').showModal()
     };
-    const keys = {
-      ArrowLeft: 'left',
-      ArrowRight: 'right',
-      ArrowUp: 'up',
-      ArrowDown: 'down',
-      '+': 'near',
-      '=': 'near',
-      '-': 'far',
-      0: 'reset',
-      Home: 'reset',
-      '[': 'before',
-      ']': 'after',
-      Enter: 'camera',
-      Escape: 'end',
-      f: 'cameras',
-      p: 'photo',
-      d: 'measure',
-      b: 'cut',
-      i: 'picture',
-      l: 'link',
-      h: 'help',
-      '?': 'help'
-    };
+    const keys = {Enter: 'camera', Escape: 'end'};  // and those of the buttons
+    for (const button of document.querySelectorAll('button[data-keys]'))
+      for (const key of button.dataset.keys.split(' '))
+        keys[key] = button.dataset.act || button.dataset.show;
     for (const input of document.querySelectorAll('input[name=mode]')) {
       acts[input.value] = () => this.setMode(input.value);
       keys[input.dataset.key] = input.value;
@@ -645,7 +624,7 @@ class Viewer {
       if (event.ctrlKey || event.metaKey || event.altKey || event.target.id === 'copied') return;
       if (event.target !== canvas && (!single || event.key === ' ')) return;
       const name = keys[single ? event.key.toLowerCase() : event.key];
-      if (!name || (name in labels && !document.querySelector(`button[data-show=${name}]`))) return;
+      if (!name) return;
       event.preventDefault();
       const shifts = event.shiftKey && event.key.startsWith('Arrow');
       acts[shifts ? 'shift' + event.key.slice(5) : name]();
@@ -747,10 +726,6 @@ class Viewer {
   }
 }
 
-const labels = {
-  cameras: 'Cameras',
-  photo: 'Photograph'
-};
 const say = text => {
   if (element('status').textContent !== text) element('status').textContent = text;
 };

@@ -1,4 +1,4 @@
-// Packs splats and meshes for a page of tvsgs-view.
+// Pictures, splats and meshes as data that pages embed.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,25 @@
 #include "pipeline/run/train_evaluation.h"
 
 namespace tvsgs {
+
+std::string base64(const std::string& bytes);
+
+/// {"src": data URI of a JPEG, "width", "height"}; at most `width` wide.
+JsonValue picture_json(const ImageU8& image, int width);
+
+/// Difference of two pictures of one size, averaged over the channels; a quarter of the range or
+/// more is the brightest shade.
+ImageU8 difference_image(const ImageU8& a, const ImageU8& b);
+
+/// Colours from dark (no error) to bright (full error): cividis without its darkest part, for a
+/// black background.
+struct Rgb {
+    std::uint8_t r, g, b;
+};
+Rgb error_shade(double share);
+
+/// End of the error colour scale: twice the largest threshold; 0: no threshold.
+double full_error(const Truth& truth);
 
 struct PackedSplats {
     std::vector<std::uint8_t> bytes;  // SPZ 3 in our frame; may be empty
