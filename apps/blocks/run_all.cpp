@@ -116,9 +116,8 @@ int run_all_blocks(const RunArguments& a) {
     const std::string program = fs::read_symlink("/proc/self/exe").string();
     schedule.command = [&](int block, const std::string& place, bool alone) {
         if (!fs::is_directory(manifest.block_folder(block)))
-            throw Error(ExitCode::input,
-                        str(manifest.block_folder(block),
-                            " is missing; run tvsgs-blocks split again, into another folder"));
+            throw Error(ExitCode::input, manifest.block_folder(block),
+                        " is missing; run tvsgs-blocks split again, into another folder");
         ChildProcess::Command command = command_of(manifest, a, block, place, program);
         const Share& share = alone ? whole : part;
         command.environment.push_back(str("OMP_NUM_THREADS=", share.threads));

@@ -38,8 +38,8 @@ struct AskedAndAnswered {};
 void flush_standard_output() {
     errno = 0;
     if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE)
-        throw Error(ExitCode::io, str("cannot write to standard output",
-                                      errno != 0 ? str(": ", std::strerror(errno)) : ""));
+        throw Error(ExitCode::io, "cannot write to standard output",
+                    errno != 0 ? str(": ", std::strerror(errno)) : "");
 }
 
 /// Ignores SIGPIPE, so that a reader that ends (`| head`) does not kill a training. Opens closed

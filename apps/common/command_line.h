@@ -17,7 +17,7 @@ namespace tvsgs {
 /// An error in the command line or a configuration.
 template <class... Parts>
 Error usage_error(const Parts&... parts) {
-    return Error(ExitCode::usage, str(parts...));
+    return Error(ExitCode::usage, parts...);
 }
 
 /// Requires a number above 0.

@@ -122,9 +122,9 @@ int command(int argc, char** argv) {
     for (const Vec3f n : votes.normals) without += dot(n, n) > 0 ? 0 : 1;
     for (const float c : votes.confidences) confidence += c;
     if (without == votes.normals.size())
-        throw Error(ExitCode::numerical, str(a.input,
-                                             ": no point lies on a surface; are all points in one "
-                                             "place or on one line, or is --radius too small?"));
+        throw Error(ExitCode::numerical, a.input,
+                    ": no point lies on a surface; are all points in one "
+                    "place or on one line, or is --radius too small?");
     if (!a.viewpoint.empty())
         orient_to_viewpoint(
             votes,

@@ -48,13 +48,12 @@ template <class Device>
 void check_depth(const BackboneEntry<Device>& backbone, const BackboneOptions& o) {
     if (o.depth != SurfaceDepth::automatic &&
         backbone.has_planes != (o.depth == SurfaceDepth::plane))
-        throw Error(ExitCode::usage, str("render.depth: backbone '", backbone.name, "' makes ",
-                                         backbone.has_planes ? "plane" : "expected and median",
-                                         "; expected that or auto, or another backbone"));
+        throw Error(ExitCode::usage, "render.depth: backbone '", backbone.name, "' makes ",
+                    backbone.has_planes ? "plane" : "expected and median",
+                    "; expected that or auto, or another backbone");
     if (!backbone.has_planes && o.pixel_center != PixelCenter::exact)
-        throw Error(ExitCode::usage,
-                    str("render.pixel_center: backbone '", backbone.name,
-                        "' does not go by it; expected its default, or another backbone"));
+        throw Error(ExitCode::usage, "render.pixel_center: backbone '", backbone.name,
+                    "' does not go by it; expected its default, or another backbone");
 }
 
 template <class Device>
@@ -69,7 +68,7 @@ std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
         if (added == name) return make(options);
         known += ", " + added;
     }
-    throw Error(ExitCode::usage, str("backbone '", name, "' is not known; there are: ", known));
+    throw Error(ExitCode::usage, "backbone '", name, "' is not known; there are: ", known);
 }
 
 }  // namespace tvsgs

@@ -53,8 +53,8 @@ public:
     void check_found() const {
         if (found_) return;
         const std::string near = nearest_name(key_, known_);
-        throw Error(ExitCode::usage, str("option '", key_, "': unknown",
-                                         near.empty() ? "" : str("; did you mean '", near, "'?")));
+        throw Error(ExitCode::usage, "option '", key_, "': unknown",
+                    near.empty() ? "" : str("; did you mean '", near, "'?"));
     }
 
 private:
@@ -68,8 +68,7 @@ private:
         return name == key_;
     }
     [[noreturn]] void refuse(const std::string& expected) const {
-        throw Error(ExitCode::usage,
-                    str("option '", key_, "': '", value_, "'; expected ", expected));
+        throw Error(ExitCode::usage, "option '", key_, "': '", value_, "'; expected ", expected);
     }
 
     std::string_view key_, value_;

@@ -143,9 +143,8 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         spdlog::warn("Dropped {} start points within {:g} world units of a camera",
                      grouped(dropped), at_camera_distance);
     if (positions.empty())
-        throw Error(ExitCode::input,
-                    str("E_NO_POINTS: ", scene.path,
-                        ": no start points are left; give a cloud with --init-ply"));
+        throw Error(ExitCode::input, "E_NO_POINTS: ", scene.path,
+                    ": no start points are left; give a cloud with --init-ply");
 
     const std::vector<float> squared = mean_squared_neighbour_distance(positions, 3);
     Gaussians<Cpu> g;

@@ -195,12 +195,11 @@ PointCloud prepare_cloud(PointCloud cloud,
     const CloudVisibility visible = cloud_visibility(cloud, views);
     const auto percent = [](double share) { return std::round(1000 * share) / 10; };
     if (visible.two_views < static_cast<double>(options.min_in_frame))
-        throw Error(ExitCode::input,
-                    str(name, ": ", percent(visible.two_views), " % of its ", grouped(given),
-                        " points are visible in two training views; expected at least ",
-                        percent(static_cast<double>(options.min_in_frame)),
-                        " %: is the cloud in the frame of the scene, with the same units and axes? "
-                        "init.min_in_frame=0 skips this check"));
+        throw Error(ExitCode::input, name, ": ", percent(visible.two_views), " % of its ",
+                    grouped(given), " points are visible in two training views; expected at least ",
+                    percent(static_cast<double>(options.min_in_frame)),
+                    " %: is the cloud in the frame of the scene, with the same units and axes? "
+                    "init.min_in_frame=0 skips this check");
     if (visible.no_view > 0.01)
         spdlog::warn(
             "{}: no training view sees {:.1f} % of its points; training cannot correct them", name,
@@ -221,16 +220,15 @@ FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options)
         if (!is_finite(cloud.positions[i])) continue;
         const float weight = cloud.confidences.empty() ? 1.0f : cloud.confidences[i];
         if (!(weight >= 0 && weight < 1e30f))
-            throw Error(ExitCode::input, str(path, ": weight ", weight, " of point ", i,
-                                             "; expected a number of at least 0"));
+            throw Error(ExitCode::input, path, ": weight ", weight, " of point ", i,
+                        "; expected a number of at least 0");
         voters.means.push_back(cloud.positions[i]);
         voters.normals.push_back(cloud.normals.empty() ? Vec3f{} : cloud.normals[i]);
         voters.weights.push_back(options.fixed_weight * weight);
     }
     if (voters.size() < 3)
-        throw Error(ExitCode::input,
-                    str(path, ": ", voters.size(),
-                        " usable points; measured points that vote need at least 3"));
+        throw Error(ExitCode::input, path, ": ", voters.size(),
+                    " usable points; measured points that vote need at least 3");
     for (const float squared : mean_squared_neighbour_distance(voters.means, 3))
         voters.scales.push_back(std::sqrt(squared));
     const PointTree<float> tree(voters.means);

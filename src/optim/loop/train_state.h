@@ -143,8 +143,8 @@ private:
         const auto expect = [&](const std::string& name, std::size_t each, bool may_be_empty) {
             const std::size_t count = count_of(name);
             if (count != n * each && !(may_be_empty && count == 0))
-                throw Error(ExitCode::input, str("checkpoint array '", name, "' has ", count,
-                                                 " elements, expected ", n * each));
+                throw Error(ExitCode::input, "checkpoint array '", name, "' has ", count,
+                            " elements, expected ", n * each);
         };
         Gaussians<Cpu> shapes;
         shapes.sh_degree = degree;
@@ -188,11 +188,11 @@ public:
           injected_(callbacks.injected_fault),
           good_(std::move(start)) {
         if (const auto bad = good_ ? find_not_finite(*good_) : std::nullopt)
-            throw Error(ExitCode::numerical,
-                        str("checkpoint array '", bad->array, "' is not finite at ", bad->element));
+            throw Error(ExitCode::numerical, "checkpoint array '", bad->array,
+                        "' is not finite at ", bad->element);
         restart();
         if (const auto fault = find_fault(0))
-            throw Error(ExitCode::numerical, str("the first splats: ", fault->what));
+            throw Error(ExitCode::numerical, "the first splats: ", fault->what);
     }
 
     /// save() and check() replace the state when they roll back.
@@ -304,9 +304,8 @@ private:
         if (rolled_back_) {
             if (!good_) good_ = capture();
             if (callbacks_.on_save) callbacks_.on_save(back, good_);
-            throw Error(ExitCode::numerical,
-                        str(fault.what, ", again after a rollback; lower ", rates,
-                            callbacks_.on_save ? str(" and resume from iteration ", back) : ""));
+            throw Error(ExitCode::numerical, fault.what, ", again after a rollback; lower ", rates,
+                        callbacks_.on_save ? str(" and resume from iteration ", back) : "");
         }
         rolled_back_ = true;
         for (const ParameterGroup group : groups) state_->adam.lower_rate(group, 0.1f);

@@ -132,10 +132,10 @@ Span<const float> prior_values(const DeviceView<Device>& view,
     if (map == nullptr) return {};
     const Camera& c = view.camera;
     if (map->width_px != c.width_px || map->height_px != c.height_px || map->channels != channels)
-        throw Error(ExitCode::input, str("prior map '", name, "' of view ", view.index, " has ",
-                                         map->width_px, " x ", map->height_px, " pixels of ",
-                                         map->channels, " values; expected the photograph's ",
-                                         c.width_px, " x ", c.height_px, " of ", channels));
+        throw Error(ExitCode::input, "prior map '", name, "' of view ", view.index, " has ",
+                    map->width_px, " x ", map->height_px, " pixels of ", map->channels,
+                    " values; expected the photograph's ", c.width_px, " x ", c.height_px, " of ",
+                    channels);
     return map->values.span();
 }
 

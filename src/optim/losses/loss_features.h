@@ -142,10 +142,9 @@ private:
         const auto at_scale = [&](std::string_view name, float share) {
             const DeviceMap<Device>&a = *in.view.map(name), &b = *other.view().map(name);
             if (a.channels != b.channels)
-                throw Error(ExitCode::input,
-                            str("map '", name, "': ", a.channels, " channels in view ",
-                                in.view.index, ", ", b.channels, " in view ", other.view().index,
-                                "; expected the same number in all views"));
+                throw Error(ExitCode::input, "map '", name, "': ", a.channels, " channels in view ",
+                            in.view.index, ", ", b.channels, " in view ", other.view().index,
+                            "; expected the same number in all views");
             parallel_for(
                 Device{}, pixels,
                 FeatureBody{pair, images.camera, features(a), features(b), images.depth.span(),

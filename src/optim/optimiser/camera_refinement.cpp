@@ -173,10 +173,10 @@ CameraMove CameraRefinement::move(int view) const {
 void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradients) {
     const std::size_t expected = kCameraParameters * given_.size();
     if (numbers.size() != numbers_.size() || gradients != expected)
-        throw Error(
-            ExitCode::input,
-            str("checkpoint arrays 'cameras.numbers' and 'cameras.gradients' have ", numbers.size(),
-                " and ", gradients, " elements, expected ", numbers_.size(), " and ", expected));
+        throw Error(ExitCode::input,
+                    "checkpoint arrays 'cameras.numbers' and 'cameras.gradients' have ",
+                    numbers.size(), " and ", gradients, " elements, expected ", numbers_.size(),
+                    " and ", expected);
     for (const double number : numbers)
         if (!std::isfinite(number))
             throw Error(ExitCode::input, "checkpoint array 'cameras.numbers' is not finite");

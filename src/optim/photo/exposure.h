@@ -188,8 +188,8 @@ private:
     void require_states(int views) {
         if (static_cast<int>(states_.size()) == views) return;
         if (held_)
-            throw Error(ExitCode::usage, str("loss.photometric.exposure_from: has exposures of ",
-                                             states_.size(), " views, expected ", views));
+            throw Error(ExitCode::usage, "loss.photometric.exposure_from: has exposures of ",
+                        states_.size(), " views, expected ", views);
         states_.resize(static_cast<std::size_t>(views));
         states_.fill_zero();
     }

@@ -57,9 +57,8 @@ inline PhotoBackground parse_background(const std::string& text) {
         const bool last = c == 2, good = error == std::errc{} &&
                                          (last ? next == end : next != end && *next == ',');
         if (!good)
-            throw Error(ExitCode::usage,
-                        str("loss.photometric.background: '", text,
-                            "'; expected none, black, white, random, sky, or R,G,B from 0 to 255"));
+            throw Error(ExitCode::usage, "loss.photometric.background: '", text,
+                            "'; expected none, black, white, random, sky, or R,G,B from 0 to 255");
         at = next + (last ? 0 : 1);
     }
     return given;

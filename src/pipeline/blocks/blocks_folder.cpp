@@ -54,7 +54,7 @@ public:
     }
 
     Error wrong(const std::string& what) const {
-        return Error(ExitCode::input, str(path_, ": ", what, "; ", remedy_));
+        return input_error(path_, ": ", what, "; ", remedy_);
     }
     const JsonValue& at(const JsonValue& object, const char* key, JsonValue::Kind kind) const {
         const JsonValue& value = object[key];

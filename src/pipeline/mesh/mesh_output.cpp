@@ -23,9 +23,8 @@ int texture_side(const MeshOutputOptions& options) {
     if (options.texture == "auto") return kMaxSide;
     int side = 0;
     if (!parse_number(options.texture, side) || side < kMinSide || side > kMaxSide)
-        throw Error(ExitCode::usage,
-                    str("--texture ", options.texture, ": expected auto, none, or a side of ",
-                        kMinSide, " to ", kMaxSide));
+        throw Error(ExitCode::usage, "--texture ", options.texture,
+                    ": expected auto, none, or a side of ", kMinSide, " to ", kMaxSide);
     return side;
 }
 
@@ -36,9 +35,8 @@ void require_mesh_output(const std::string& out,
     require_output(out, {".glb", ".obj", ".ply"}, scene);
     const MeshFormat format = mesh_format(out).value_or(MeshFormat::ply);
     if (format == MeshFormat::ply && options.texture != "none" && options.texture != "auto")
-        throw Error(ExitCode::usage,
-                    str("--texture ", options.texture, ": ", out,
-                        " would be a PLY, which has no texture; choose a .glb or .obj"));
+        throw Error(ExitCode::usage, "--texture ", options.texture, ": ", out,
+                    " would be a PLY, which has no texture; choose a .glb or .obj");
     if (format == MeshFormat::ply || !textured) return;
     require_texture_format(out, options.texture_format);
     for (const std::string& file : mesh_files(out, true, options.texture_format))

@@ -99,10 +99,10 @@ void require_files(const PriorOptions& options,
     std::string places;
     for (const std::string& folder : prior_folders(query))
         places += (places.empty() ? "" : ", ") + folder;
-    throw Error(ExitCode::input, str("E_PRIORS: a loss of this configuration needs prior ", lacks,
-                                     ", not found in ", places,
-                                     "; give the folder with --priors (files: "
-                                     "docs/guide/priors.md), or set the weight of that loss to 0"));
+    throw Error(ExitCode::input, "E_PRIORS: a loss of this configuration needs prior ", lacks,
+                ", not found in ", places,
+                "; give the folder with --priors (files: "
+                "docs/guide/priors.md), or set the weight of that loss to 0");
 }
 
 }  // namespace
@@ -198,10 +198,8 @@ void complete_maps(const LossOptions& options, std::vector<View>& views) {
         std::string what;
         for (const MissingMap& m : missing)
             what += str(what.empty() ? "" : ", ", "loss.", m.term, " needs map '", m.map, "'");
-        throw Error(
-            ExitCode::usage,
-            str(what, ", which none of the ", views.size(),
-                " training views has; give such priors with --priors, or set the weight to 0"));
+        throw Error(ExitCode::usage, what, ", which none of the ", views.size(),
+                    " training views has; give such priors with --priors, or set the weight to 0");
     }
     if (!describe) return;
     // Coarse features without fine ones would be of another kind.

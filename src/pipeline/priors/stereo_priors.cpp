@@ -228,10 +228,9 @@ void make_stereo_priors(const DeviceChoice& device,
         known += measured_pixels(maps);
     }
     if (known == 0)
-        throw Error(
-            ExitCode::input,
-            str("losses need priors, but stereo found no depth in ", views.size(),
-                " views; give priors with --priors, or set the weights of these losses to 0"));
+        throw Error(ExitCode::input, "losses need priors, but stereo found no depth in ",
+                    views.size(),
+                    " views; give priors with --priors, or set the weights of these losses to 0");
     add_stereo_priors(start.maps, wanted, views);
     spdlog::debug("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
                   100.0 * static_cast<double>(known) / static_cast<double>(pixels));

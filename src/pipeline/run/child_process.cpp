@@ -15,7 +15,7 @@ namespace tvsgs {
 namespace {
 
 Error system_error(const std::string& what) {
-    return Error(ExitCode::io, str(what, ": ", std::strerror(errno)));
+    return Error(ExitCode::io, what, ": ", std::strerror(errno));
 }
 
 /// Runs in the child: only calls that are safe between fork and exec.

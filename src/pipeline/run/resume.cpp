@@ -38,21 +38,19 @@ void check_resume(const Resume& resume,
                   bool overwrite,
                   const TrainOptions& train) {
     if (!overwrite && resume.in_place() && !resume.point && holds_splats(out))
-        throw Error(ExitCode::usage,
-                    str("--resume: ", out,
-                        " has splats but no checkpoint, so it cannot continue; give another run, "
-                        "or --overwrite to remove it and start from the beginning"));
+        throw Error(ExitCode::usage, "--resume: ", out,
+                    " has splats but no checkpoint, so it cannot continue; give another run, "
+                    "or --overwrite to remove it and start from the beginning");
     if (!resume.point) return;
     if (train.iterations <= resume.done())
-        throw Error(ExitCode::usage,
-                    str(resume.point->file, ": already trained for ", grouped(resume.done()),
-                        " iterations; give more, such as --iterations ", 2 * resume.done()));
+        throw Error(ExitCode::usage, resume.point->file, ": already trained for ",
+                    grouped(resume.done()), " iterations; give more, such as --iterations ",
+                    2 * resume.done());
     for (const auto& [key, value] : resume.configured)
         if (key == "backbone" && value != train.backbone)
-            throw Error(ExitCode::usage, str(resume.point->file, ": splats of backbone '", value,
-                                             "', but the configuration has '", train.backbone,
-                                             "'; give --set backbone=", value,
-                                             ", or start a new run without --resume"));
+            throw Error(ExitCode::usage, resume.point->file, ": splats of backbone '", value,
+                        "', but the configuration has '", train.backbone,
+                        "'; give --set backbone=", value, ", or start a new run without --resume");
 }
 
 void log_resume(const Resume& resume, const JsonValue& changed, RunFolder& run) {

@@ -60,9 +60,9 @@ void require_outside_of_pictures(const std::string& out, const SceneOptions& sce
     for (const std::string& name : {scene.images, scene.masks, std::string("images"),
                                     std::string("mask"), std::string("masks")})
         if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
-            throw Error(ExitCode::usage,
-                        str("--out ", out, ": lies inside the photographs of the scene, ",
-                            (fs::path(scene.path) / name).string(), "; choose another folder"));
+            throw Error(ExitCode::usage, "--out ", out,
+                        ": lies inside the photographs of the scene, ",
+                        (fs::path(scene.path) / name).string(), "; choose another folder");
 }
 
 /// Removes half-written files of a killed process; keeps other files.
@@ -162,9 +162,9 @@ void require_output(const std::string& out,
                             : e + 1 == extensions.end() ? " or "
                                                         : ", ",
                             *e);
-        throw Error(ExitCode::usage,
-                    str(out, ": ", found.empty() ? "no ending" : str("unknown ending ", found),
-                        "; use ", expected));
+        throw Error(ExitCode::usage, out, ": ",
+                    found.empty() ? "no ending" : str("unknown ending ", found), "; use ",
+                    expected);
     }
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
@@ -175,10 +175,10 @@ void require_output(const std::string& out,
     while (!fs::exists(folder, code) && folder != folder.parent_path())
         folder = folder.parent_path();
     if (!fs::is_directory(folder, code))
-        throw Error(ExitCode::io, str("--out ", out, ": ", folder.string(), " is not a folder"));
+        throw Error(ExitCode::io, "--out ", out, ": ", folder.string(), " is not a folder");
     if (::access(folder.c_str(), W_OK) != 0)
-        throw Error(ExitCode::io, str("--out ", out, ": cannot write in ", folder.string(), ": ",
-                                      std::strerror(errno)));
+        throw Error(ExitCode::io, "--out ", out, ": cannot write in ", folder.string(), ": ",
+                    std::strerror(errno));
 }
 
 void require_free_run_folder(const std::string& path,
@@ -187,40 +187,37 @@ void require_free_run_folder(const std::string& path,
                              const SceneOptions& scene) {
     std::error_code code;
     if (fs::equivalent(path, scene.path, code))
-        throw Error(ExitCode::usage,
-                    str(path, ": this is the scene; choose another folder with --out"));
+        throw Error(ExitCode::usage, path, ": this is the scene; choose another folder with --out");
     if (fs::equivalent(path, "/", code))
-        throw Error(ExitCode::usage,
-                    str(path, ": this is the root folder; choose another one with --out"));
+        throw Error(ExitCode::usage, path,
+                    ": this is the root folder; choose another one with --out");
     require_outside_of_pictures(path, scene);
     const std::string config = (fs::path(path) / "config.json").string();
     if (!fs::exists(config, code)) {
         if (has_manifest(path) && holds_listed_files(path))
-            throw Error(ExitCode::usage, str(path,
-                                             ": holds other results, such as a scene of "
-                                             "tvsgs-synth; choose another folder with --out"));
+            throw Error(ExitCode::usage, path,
+                        ": holds other results, such as a scene of "
+                        "tvsgs-synth; choose another folder with --out");
         for (const std::string_view entry : kEntries)
             if (has_contents(fs::path(path) / entry))
                 throw Error(
-                    ExitCode::usage,
-                    str(path, ": not a run folder (no config.json), but it has ", entry,
-                        ", which a run would replace; choose an empty or new folder with --out"));
+                    ExitCode::usage, path, ": not a run folder (no config.json), but it has ",
+                    entry, ", which a run would replace; choose an empty or new folder with --out");
         return;
     }
     if (!replace && !go_on)
-        throw Error(ExitCode::usage, str(path,
-                                         ": holds another run; choose a new folder with --out, or "
-                                         "replace the run with --overwrite"));
+        throw Error(ExitCode::usage, path,
+                    ": holds another run; choose a new folder with --out, or "
+                    "replace the run with --overwrite");
     // Overwriting removes files: never those of another program.
     if (read_bytes(config).find("\"version\": \"tvsgs") == std::string::npos)
-        throw Error(ExitCode::usage, str(config,
-                                         ": tvsgs-train did not write it, so the folder is not "
-                                         "overwritten; choose another with --out"));
+        throw Error(ExitCode::usage, config,
+                    ": tvsgs-train did not write it, so the folder is not "
+                    "overwritten; choose another with --out");
     if (!has_manifest(path))
-        throw Error(ExitCode::usage,
-                    str(path,
-                        ": no list of our files (.tvsgs-files), so yours could be lost; copy the "
-                        "run with that list, or choose another folder with --out"));
+        throw Error(ExitCode::usage, path,
+                    ": no list of our files (.tvsgs-files), so yours could be lost; copy the "
+                    "run with that list, or choose another folder with --out");
 }
 
 FolderLock::FolderLock(const std::string& folder)
@@ -237,9 +234,9 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     std::error_code code;
     fs::create_directories(folder, code);
     if (lock_.emplace(path).held())
-        throw Error(ExitCode::usage, str(path,
-                                         ": another tvsgs-train writes there; wait for it, or "
-                                         "choose another folder with --out"));
+        throw Error(ExitCode::usage, path,
+                    ": another tvsgs-train writes there; wait for it, or "
+                    "choose another folder with --out");
     const bool go_on = done >= 0;
     if (!code) remove_leftovers(folder);
     if (!code && go_on) {
@@ -251,9 +248,9 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     if (!code) add_to_manifest(folder, folder / "log.jsonl");
     if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");
     if (log_ == nullptr)
-        throw Error(ExitCode::io, str(path, ": cannot write there: ",
-                                      code ? code.message() : std::strerror(errno),
-                                      "; choose another folder with --out"));
+        throw Error(ExitCode::io, path,
+                    ": cannot write there: ", code ? code.message() : std::strerror(errno),
+                    "; choose another folder with --out");
 }
 
 RunFolder::~RunFolder() {
@@ -293,7 +290,7 @@ void RunFolder::save_cameras(const Scene& scene) const {
 
 void RunFolder::log(const JsonValue& line) {
     if (std::fprintf(log_, "%s\n", json_text(line).c_str()) < 0 || std::fflush(log_) != 0)
-        throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
+        throw Error(ExitCode::io, path_, "/log.jsonl: writing failed: ", std::strerror(errno));
 }
 
 void RunFolder::save_splats(const Gaussians<Cpu>& gaussians,

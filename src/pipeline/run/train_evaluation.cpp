@@ -75,17 +75,16 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double 
     std::string text = options.at;
     if (text.empty()) return;
     if (every_ > 0)
-        throw Error(ExitCode::usage, str("--eval-at ", text, " and --eval-every ", every_,
-                                         " exclude each other; give one (eval.at, eval.every)"));
+        throw Error(ExitCode::usage, "--eval-at ", text, " and --eval-every ", every_,
+                    " exclude each other; give one (eval.at, eval.every)");
     const bool goes_on = text.ends_with(",...");
     if (goes_on) text.resize(text.size() - 4);
     at_ = parse_numbers("--eval-at", text);
     const bool increasing =
         std::adjacent_find(at_.begin(), at_.end(), std::greater_equal<>()) == at_.end();
     if (!increasing || (goes_on && at_.size() < 2))
-        throw Error(ExitCode::usage,
-                    str("--eval-at ", options.at,
-                        ": expected increasing seconds such as 5,10,20, two or more before '...'"));
+        throw Error(ExitCode::usage, "--eval-at ", options.at,
+                    ": expected increasing seconds such as 5,10,20, two or more before '...'");
     if (goes_on) ratio_ = at_.back() / at_[at_.size() - 2];
     due(0, seconds);  // skips times that have passed
 }
@@ -107,8 +106,8 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
               std::pair("--tau", options.taus),
               std::pair("--eval-mesh", std::string(options.mesh ? "true" : ""))})
             if (!value.empty())
-                throw Error(ExitCode::usage,
-                            str(flag, " ", value, ": needs --gt FILE, the true surface"));
+                throw Error(ExitCode::usage, flag, " ", value,
+                            ": needs --gt FILE, the true surface");
         return std::nullopt;
     }
     Truth truth;

@@ -203,10 +203,10 @@ private:
                       grouped(splats.size()), done_, seconds,
                       memory_use(Device{}).peak_bytes >> 20);
         if (!checkpoints_.failure().empty())
-            throw Error(ExitCode::io, str(run_.path(),
-                                          ": the run is complete, but --resume cannot extend it: "
-                                          "the last checkpoint was not saved: ",
-                                          checkpoints_.failure()));
+            throw Error(ExitCode::io, run_.path(),
+                        ": the run is complete, but --resume cannot extend it: "
+                        "the last checkpoint was not saved: ",
+                        checkpoints_.failure());
     }
 
     void finish_budget(double seconds) {

@@ -231,10 +231,8 @@ void read_fixed_points(const RunOptions& options, Scene& scene) {
     const TvOptions& tv = options.train.tv;
     if (tv.fixed_voters.empty()) return;
     if (!tv.enabled)
-        throw Error(
-            ExitCode::usage,
-            str(tv.fixed_voters,
-                ": measured points need tv.enabled=true; set it, or remove --fixed-points"));
+        throw Error(ExitCode::usage, tv.fixed_voters,
+                    ": measured points need tv.enabled=true; set it, or remove --fixed-points");
     scene.fixed_voters = read_mesh(tv.fixed_voters, scene.origin, false).points;
     // Validate before the run exists, and with the file's point numbers.
     make_fixed_voters(scene.fixed_voters, tv);

@@ -311,15 +311,13 @@ void check_consistency(const TrainOptions& options, bool before_plan) {
         if (!(term.weight > 0)) continue;
         const std::string lacks = names_of(without(term.needs.maps, backbone->traits.maps));
         if (term.needs.thickness && backbone->traits.flat)
-            throw Error(ExitCode::usage,
-                        str("loss.", term.key, ".weight is above 0, but the splats of backbone '",
-                            options.backbone,
-                            "' are flat; set the weight to 0, or choose another backbone"));
+            throw Error(ExitCode::usage, "loss.", term.key,
+                        ".weight is above 0, but the splats of backbone '", options.backbone,
+                        "' are flat; set the weight to 0, or choose another backbone");
         if (!lacks.empty())
-            throw Error(ExitCode::usage,
-                        str("loss.", term.key, ".weight is above 0, but backbone '",
-                            options.backbone, "' does not make the maps it compares (", lacks,
-                            "); set the weight to 0, or choose another backbone"));
+            throw Error(ExitCode::usage, "loss.", term.key, ".weight is above 0, but backbone '",
+                        options.backbone, "' does not make the maps it compares (", lacks,
+                        "); set the weight to 0, or choose another backbone");
     }
 }
 

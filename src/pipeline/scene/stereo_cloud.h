@@ -28,10 +28,9 @@ inline StereoResult run_stereo(const DeviceChoice& device,
                                const std::vector<Vec3f>& points,
                                const StereoOptions& options) {
     if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
-        throw Error(ExitCode::usage,
-                    str("stereo.min_consistent = ", options.min_consistent, ": with ", views.size(),
-                        " views a depth has only ", views.size() - 1,
-                        " other views to confirm it; give at most that, or 0"));
+        throw Error(ExitCode::usage, "stereo.min_consistent = ", options.min_consistent, ": with ",
+                    views.size(), " views a depth has only ", views.size() - 1,
+                    " other views to confirm it; give at most that, or 0");
     return on_device(device,
                      [&](auto tag) { return reconstruct_stereo(tag, views, points, options); });
 }

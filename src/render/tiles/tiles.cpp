@@ -10,11 +10,9 @@ namespace tvsgs {
 
 void check_fragment_count(std::uint64_t count) {
     if (count > kMaxFragments)
-        throw Error(
-            ExitCode::memory,
-            str("rendering: ", count, " pairs of splat and tile in one view, at most ",
-                kMaxFragments,
-                " are possible; use smaller images (-r) or fewer splats (--max-gaussians)"));
+        throw Error(ExitCode::memory, "rendering: ", count,
+                    " pairs of splat and tile in one view, at most ", kMaxFragments,
+                    " are possible; use smaller images (-r) or fewer splats (--max-gaussians)");
 }
 
 namespace {
