@@ -138,7 +138,7 @@ FileRecord write_block(const Splitting& s,
     Scene part;  // for its extent
     std::string names;
     for (const int v : block.views) {
-        const View& view = s.scene.train[static_cast<std::size_t>(v)];
+        const View& view = s.scene.train[v];
         part.train.emplace_back().camera = view.camera;
         names += view.name + "\n";
     }

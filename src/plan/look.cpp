@@ -32,10 +32,9 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
     Patch patch;
     for (int i = 0; i < kSide * kSide; ++i) {
         const int at_x = x + i % kSide - kReach, at_y = y + i / kSide - kReach;
-        patch[static_cast<std::size_t>(i)] =
-            (view.photo.at(at_x, at_y, 0) + view.photo.at(at_x, at_y, 1) +
-             view.photo.at(at_x, at_y, 2)) /
-            3.0;
+        patch[i] = (view.photo.at(at_x, at_y, 0) + view.photo.at(at_x, at_y, 1) +
+                    view.photo.at(at_x, at_y, 2)) /
+                   3.0;
     }
     return patch;
 }
@@ -65,13 +64,13 @@ std::vector<int> nearest_views(const Scene& scene) {
     const int views = static_cast<int>(scene.train.size());
     std::vector<Vec3d> axes;
     for (const View& view : scene.train) axes.push_back(optical_axis(view.camera));
-    const auto axis = [&](int v) { return axes[static_cast<std::size_t>(v)]; };
+    const auto axis = [&](int v) { return axes[v]; };
     std::vector<int> nearest(scene.train.size(), -1);
     for (int v = 0; v < views; ++v) {
         double best = 0.866;  // 30 degrees
         for (int other = 0; other < views; ++other)
             if (const double cosine = dot(axis(v), axis(other)); other != v && cosine > best)
-                best = cosine, nearest[static_cast<std::size_t>(v)] = other;
+                best = cosine, nearest[v] = other;
     }
     return nearest;
 }
@@ -171,11 +170,10 @@ SceneLook look_at(const Scene& scene,
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         progress.advance();
         const View& view = scene.train[v];
-        const View* const other =
-            nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
+        const View* const other = nearest[v] < 0 ? nullptr : &scene.train[nearest[v]];
         const PhotoLight& light =
             other == nullptr ? lights[v]
-                             : std::min(lights[v], lights[static_cast<std::size_t>(nearest[v])],
+                             : std::min(lights[v], lights[nearest[v]],
                                         [](auto& a, auto& b) { return a.share < b.share; });
         std::vector<double> gains;  // logarithms
         for (std::size_t i = 0; other != nullptr && i < points.size(); i += stride) {

@@ -115,7 +115,7 @@ private:
 
     void copy_in(const CallerTurn<Device>& turn, const tvsgs_votes_splats& splats) {
         const auto copy_one = [&](const float* from, auto& to) {
-            to.resize(static_cast<std::size_t>(splats.count));
+            to.resize(splats.count);
             turn.copy(from, to.data(), to.size() * sizeof(*to.data()));
         };
         copy_one(splats.means, gaussians_.means);

@@ -190,7 +190,7 @@ private:
         for (Growth kind : {Growth::clone, Growth::split, Growth::abs_split}) {
             std::vector<int> chosen;
             for (int i = 0; i < n; ++i)
-                if (growth[static_cast<std::size_t>(i)] == kind) chosen.push_back(i);
+                if (growth[i] == kind) chosen.push_back(i);
             std::size_t quota = room;
             if (kind == Growth::abs_split)
                 quota = std::min(quota, static_cast<std::size_t>(options_.max_abs_split));
@@ -198,12 +198,11 @@ private:
                 std::nth_element(chosen.begin(),
                                  chosen.begin() + static_cast<std::ptrdiff_t>(quota), chosen.end(),
                                  [&](int a, int b) {
-                                     const float sa = score[static_cast<std::size_t>(a)],
-                                                 sb = score[static_cast<std::size_t>(b)];
+                                     const float sa = score[a], sb = score[b];
                                      return sa != sb ? sa > sb : a < b;
                                  });
                 for (std::size_t j = quota; j < chosen.size(); ++j)
-                    growth[static_cast<std::size_t>(chosen[j])] = Growth::none;
+                    growth[chosen[j]] = Growth::none;
                 changed = true;
             }
             room -= std::min(room, std::min(quota, chosen.size()));

@@ -38,8 +38,7 @@ std::unique_ptr<NeighbourViews<Device>> make_neighbour_views(const Scene& scene,
     std::vector<std::unique_ptr<Backbone<Device>>> backbones(
         static_cast<std::size_t>(needs.neighbour_views));
     for (int i = 0; i < needs.rendered_views; ++i)
-        backbones[static_cast<std::size_t>(i)] =
-            make_backbone<Device>(options.backbone, options.render);
+        backbones[i] = make_backbone<Device>(options.backbone, options.render);
     return std::make_unique<NeighbourViews<Device>>(
         select_view_pairs(scene, options.loss.multi_view, quiet), std::move(backbones),
         static_cast<std::uint64_t>(options.seed));

@@ -128,17 +128,14 @@ public:
         const std::vector<double> counts = to_host(counts_);
         Fault fault;
         if (loss.step != 0)
-            fault.what =
-                str("iteration ", loss.step, ": the loss term '",
-                    losses[static_cast<std::size_t>(loss.term)]->key, "' is not finite in view '",
-                    views[static_cast<std::size_t>(loss.view)].name, "'");
+            fault.what = str("iteration ", loss.step, ": the loss term '", losses[loss.term]->key,
+                             "' is not finite in view '", views[loss.view].name, "'");
         for (int i = 0; i < kParameterGroups; ++i) {
-            if (counts[static_cast<std::size_t>(i)] == 0) continue;
+            if (counts[i] == 0) continue;
             const auto group = static_cast<ParameterGroup>(i);
-            fault.what +=
-                str(fault.what.empty() ? str("iteration ", step, ": ") : "; ", "the ",
-                    name_of(group), " of splat ", first_splat(g, group), " is not finite (",
-                    counts[static_cast<std::size_t>(i)], " such numbers)");
+            fault.what += str(fault.what.empty() ? str("iteration ", step, ": ") : "; ", "the ",
+                              name_of(group), " of splat ", first_splat(g, group),
+                              " is not finite (", counts[i], " such numbers)");
             fault.groups.push_back(group);
         }
         if (fault.what.empty()) return std::nullopt;
@@ -152,7 +149,7 @@ private:
         std::vector<float> host(static_cast<std::size_t>(floats.count));
         detail::copy(Device{}, floats.begin, Cpu{}, host.data(), host.size() * sizeof(float));
         int i = 0;
-        while (host[static_cast<std::size_t>(i)] * 0 == 0) ++i;
+        while (host[i] * 0 == 0) ++i;
         return i / floats.width % g.size();
     }
 

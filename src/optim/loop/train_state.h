@@ -26,7 +26,7 @@ public:
         const int views = static_cast<int>(order_.size()), round = (iteration - 1) / views;
         if (round != round_) shuffle(static_cast<std::uint32_t>(round));
         round_ = round;
-        return order_[static_cast<std::size_t>((iteration - 1) % views)];
+        return order_[(iteration - 1) % views];
     }
 
 private:

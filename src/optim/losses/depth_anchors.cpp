@@ -36,8 +36,7 @@ std::vector<int> choose_anchors(int width, const std::vector<float>& confidence)
         if (confidence[i] > kAnchorConfidence) pixels.push_back(static_cast<int>(i));
     if (pixels.size() < kBest) return {};
     const auto better = [&](int a, int b) {
-        const float ca = confidence[static_cast<std::size_t>(a)],
-                    cb = confidence[static_cast<std::size_t>(b)];
+        const float ca = confidence[a], cb = confidence[b];
         return ca != cb ? ca > cb : a < b;
     };
     std::partial_sort(pixels.begin(), pixels.begin() + kBest, pixels.end(), better);

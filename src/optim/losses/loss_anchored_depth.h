@@ -119,7 +119,7 @@ public:
 
     /// Whether the view's target should be made at this step.
     bool due(int step, int view) const {
-        const int last = made_[static_cast<std::size_t>(view)].step;
+        const int last = made_[view].step;
         return step >= options_.start && (last < options_.start || round_of(step) > round_of(last));
     }
 
@@ -127,14 +127,12 @@ public:
     int nearest_at(int step) const { return std::max(4 - round_of(step), 1); }
 
     /// [H W] target depth of a view; 0: unknown. Empty: no target yet.
-    const Buffer<float, Device>& target(int view) const {
-        return targets_[static_cast<std::size_t>(view)];
-    }
+    const Buffer<float, Device>& target(int view) const { return targets_[view]; }
 
     void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const Span<const float> prior = prior_values(in.view, prior_map::kDepthOrder);
         const bool now = due(in.step, in.view.index);
-        if (now) made_[static_cast<std::size_t>(in.view.index)].step = in.step;
+        if (now) made_[in.view.index].step = in.step;
         if (prior.empty() || (now && in.others == nullptr)) return;
         const Span<const float> confidence = prior_values(in.view, prior_map::kConfidence);
         if (now) make_target(in, prior, confidence);
@@ -176,7 +174,7 @@ private:
     void make_target(const LossInputs<Device>& in,
                      Span<const float> prior,
                      Span<const float> prior_confidence) {
-        Made& made = made_[static_cast<std::size_t>(in.view.index)];
+        Made& made = made_[in.view.index];
         const NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
         const int pixels = static_cast<int>(images.depth.size());
@@ -193,8 +191,8 @@ private:
                                  priors = to_host(in.view.map(prior_map::kDepthOrder)->values);
         std::vector<double> depth, wanted;
         for (const int at : anchors) {
-            depth.push_back(static_cast<double>(depths[static_cast<std::size_t>(at)]));
-            wanted.push_back(static_cast<double>(priors[static_cast<std::size_t>(at)]));
+            depth.push_back(static_cast<double>(depths[at]));
+            wanted.push_back(static_cast<double>(priors[at]));
         }
         const auto fit = fit_affine(wanted, depth);
         if (!fit) return;
@@ -208,7 +206,7 @@ private:
         const DepthAlignment<float> alignment{
             static_cast<float>(a.slope), static_cast<float>(a.offset),
             static_cast<float>(a.max_gap), static_cast<float>(a.correction)};
-        Buffer<float, Device>& target = targets_[static_cast<std::size_t>(in.view.index)];
+        Buffer<float, Device>& target = targets_[in.view.index];
         target.resize(images.depth.size());
         parallel_for(Device{}, pixels,
                      CalibrateBody{alignment, prior, images.depth.span(), target.span()});

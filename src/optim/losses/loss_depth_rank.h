@@ -57,7 +57,7 @@ public:
             const PatchGrid grid = patch_grid(images.width, images.height, fewer);
             const int pairs = grid.pairs();
             if (pairs == 0) continue;
-            pair_loss_.resize(static_cast<std::size_t>(pairs));
+            pair_loss_.resize(pairs);
             parallel_for(
                 Device{}, pairs,
                 DepthRankBody{

@@ -113,7 +113,7 @@ public:
                      ListValidBody{other.valid().span(), place_.span(), pixels_.span()});
 
         const int samples = samples_ < all ? samples_ : all;
-        terms_.resize(static_cast<std::size_t>(samples));
+        terms_.resize(samples);
         const Buffer<PatchTerm, Device>& terms = terms_;
         parallel_for(
             Device{}, samples,

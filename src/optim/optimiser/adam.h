@@ -139,7 +139,7 @@ public:
 
     /// Multiplies the group's rate by `factor` from now on.
     void lower_rate(ParameterGroup group, float factor) {
-        rate_factors_[static_cast<std::size_t>(group)] *= factor;
+        rate_factors_[static_cast<int>(group)] *= factor;
     }
 
     void state(StateVisitor<Device>& visit) {
@@ -194,7 +194,7 @@ private:
         using enum ParameterGroup;
         if (!(options_.supported > 0) || g.uncertainty.empty()) return {};
         const auto scaled = [&](float own, ParameterGroup group) {
-            const float factor = rate_factors_[static_cast<std::size_t>(group)];
+            const float factor = rate_factors_[static_cast<int>(group)];
             return adam_scale(options_.supported * own * factor, count_).step;
         };
         // A rate of 0 of the others holds them still and has no decay.

@@ -166,8 +166,7 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
 
 CameraMove CameraRefinement::move(int view) const {
     const double turn = norm(vec_at(motion(view)));
-    return {turn, norm(vec_at(motion(view) + 3)),
-            turn / scale_[static_cast<std::size_t>(view)].f * 180 / M_PI};
+    return {turn, norm(vec_at(motion(view) + 3)), turn / scale_[view].f * 180 / M_PI};
 }
 
 void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradients) {

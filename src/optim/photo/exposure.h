@@ -190,7 +190,7 @@ private:
         if (held_)
             throw Error(ExitCode::usage, "loss.photometric.exposure_from: has exposures of ",
                         states_.size(), " views, expected ", views);
-        states_.resize(static_cast<std::size_t>(views));
+        states_.resize(views);
         states_.fill_zero();
     }
 

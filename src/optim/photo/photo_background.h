@@ -58,7 +58,7 @@ inline PhotoBackground parse_background(const std::string& text) {
                                          (last ? next == end : next != end && *next == ',');
         if (!good)
             throw Error(ExitCode::usage, "loss.photometric.background: '", text,
-                            "'; expected none, black, white, random, sky, or R,G,B from 0 to 255");
+                        "'; expected none, black, white, random, sky, or R,G,B from 0 to 255");
         at = next + (last ? 0 : 1);
     }
     return given;

@@ -86,7 +86,7 @@ public:
     }
 
 private:
-    double& at(int x, int y) { return sums_[static_cast<std::size_t>(y * (width_ + 1) + x)]; }
+    double& at(int x, int y) { return sums_[y * (width_ + 1) + x]; }
 
     int width_, height_;
     std::vector<double> sums_;
@@ -114,7 +114,7 @@ std::vector<float> seen_far_away(const Small& view, const Small& other) {
                 sum += (i % 2 ? right : 1 - right) * (i / 2 ? below : 1 - below) *
                        (other.is[at] ? other.grey[at] : NAN);
             }
-            grey[static_cast<std::size_t>(y * view.width + x)] = sum;
+            grey[y * view.width + x] = sum;
         }
     return grey;
 }
@@ -228,7 +228,7 @@ std::vector<std::uint8_t> blocks_near_points(const Small& view, const std::vecto
         const int x = s.x / view.block, y = s.y / view.block;
         for (int v = std::max(0, y - kReach); v <= std::min(view.height - 1, y + kReach); ++v)
             for (int u = std::max(0, x - kReach); u <= std::min(view.width - 1, x + kReach); ++u)
-                beside[static_cast<std::size_t>(v * view.width + u)] = 1;
+                beside[v * view.width + u] = 1;
     }
     return beside;
 }
@@ -286,7 +286,7 @@ void fill_gaps(std::vector<Texel>& texels, int size) {
                 const int u = x / 2 + (i % 2 ? (x % 2 ? 1 : -1) : 0),
                           v = y / 2 + (i / 2 ? (y % 2 ? 1 : -1) : 0);
                 const float w = (i % 2 ? 0.25f : 0.75f) * (i / 2 ? 0.25f : 0.75f);
-                const Texel& c = coarse[static_cast<std::size_t>(texel_index(u, v, half))];
+                const Texel& c = coarse[texel_index(u, v, half)];
                 around.color += w * c.color, around.weight += w * c.weight;
             }
             const float rest = 1 - t.weight;

@@ -21,8 +21,7 @@ struct FarPixels {
 
     Label at(int x, int y) const {  // pixels of the view
         const int bx = x / block_px, by = y / block_px;
-        return labels[static_cast<std::size_t>((by < height ? by : height - 1) * width +
-                                               (bx < width ? bx : width - 1))];
+        return labels[(by < height ? by : height - 1) * width + (bx < width ? bx : width - 1)];
     }
     bool is_far(int x, int y) const { return at(x, y) == far; }
 };

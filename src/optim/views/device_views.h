@@ -74,7 +74,7 @@ public:
             hosts_.clear();
             return;
         }
-        uploads_.resize(static_cast<std::size_t>(views_in_use(needs)));
+        uploads_.resize(views_in_use(needs));
         for (Upload& upload : uploads_) {
             upload.memory.maps.resize(needs.view_maps.size());
             std::size_t raw = 0;  // bytes of a mask
@@ -108,7 +108,7 @@ public:
             for (CopyLane<Device>& lane : upload.lanes) lane.wait();
             finish(upload);
         }
-        return views_[static_cast<std::size_t>(view)];
+        return views_[view];
     }
 
     /// Announces get(view): its photographs are copied while the device works.
@@ -224,17 +224,16 @@ private:
             if (upload->view >= 0) exchange(*upload);
             upload->view = view;
             exchange(*upload);
-            const Host& host = hosts_[static_cast<std::size_t>(view)];
-            for_each_buffer(
-                views_[static_cast<std::size_t>(view)], [&](std::size_t a, auto& buffer) {
-                    // Shrinking keeps the memory, and no view's array is larger.
-                    const Array& from = host[a];
-                    set_bytes(buffer, from.bytes_there());
-                    if (from.how == How::grey) return;
-                    void* const to = from.how == How::as_is ? static_cast<void*>(buffer.data())
-                                                            : upload->raw.data();
-                    upload->lanes[a].start(from.data, to, from.bytes);
-                });
+            const Host& host = hosts_[view];
+            for_each_buffer(views_[view], [&](std::size_t a, auto& buffer) {
+                // Shrinking keeps the memory, and no view's array is larger.
+                const Array& from = host[a];
+                set_bytes(buffer, from.bytes_there());
+                if (from.how == How::grey) return;
+                void* const to =
+                    from.how == How::as_is ? static_cast<void*>(buffer.data()) : upload->raw.data();
+                upload->lanes[a].start(from.data, to, from.bytes);
+            });
             upload->finished = false;
         }
         upload->asked = ++asked_;
@@ -244,16 +243,15 @@ private:
     /// Computes arrays on the device, once their copies have arrived.
     void finish(Upload& upload) {
         if (std::exchange(upload.finished, true)) return;
-        DeviceView<Device>& view = views_[static_cast<std::size_t>(upload.view)];
-        const Host& host = hosts_[static_cast<std::size_t>(upload.view)];
+        DeviceView<Device>& view = views_[upload.view];
+        const Host& host = hosts_[upload.view];
         for_each_buffer(view, [&](std::size_t a, auto& buffer) {
             if (host[a].how != How::as_is) make(std::as_const(upload.raw).span(), view, buffer);
         });
     }
 
     void exchange(Upload& upload) {
-        DeviceView<Device>&view = views_[static_cast<std::size_t>(upload.view)],
-        &memory = upload.memory;
+        DeviceView<Device>&view = views_[upload.view], &memory = upload.memory;
         memory.photo.swap(view.photo), memory.grey.swap(view.grey);
         for (std::size_t m = 0; m < view.maps.size(); ++m)
             memory.maps[m].values.swap(view.maps[m].values);

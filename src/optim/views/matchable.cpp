@@ -137,7 +137,7 @@ public:
                 good +=
                     x < view.camera.width_px && y < view.camera.height_px && could_match.at(x, y);
             }
-            matchable[static_cast<std::size_t>(block)] = 1.0 * good / (kSamples * kSamples);
+            matchable[block] = 1.0 * good / (kSamples * kSamples);
         });
         for (const Sighting& s : seen) points[index(s)] += 1;
         for (std::size_t i = 0; i < points.size(); ++i)
@@ -161,10 +161,10 @@ private:
         std::vector<double> out(values.size());
         for (int y = 0; y < height_; ++y)
             for (int x = 0; x < width_; ++x) {
-                double& most = out[static_cast<std::size_t>(y * width_ + x)];
+                double& most = out[y * width_ + x];
                 for (int v = std::max(0, y - reach); v <= std::min(height_ - 1, y + reach); ++v)
                     for (int u = std::max(0, x - reach); u <= std::min(width_ - 1, x + reach); ++u)
-                        most = std::max(most, values[static_cast<std::size_t>(v * width_ + u)]);
+                        most = std::max(most, values[v * width_ + u]);
             }
         return out;
     }

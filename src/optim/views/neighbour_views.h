@@ -160,7 +160,7 @@ public:
 
     /// Neighbour views of `reference` at iteration `step`, all different, as far as it has pairs.
     std::vector<int> choose(int step, int reference) const {
-        std::vector<int> left = pairs_.of_view[static_cast<std::size_t>(reference)], chosen;
+        std::vector<int> left = pairs_.of_view[reference], chosen;
         const Random4 draws =
             random4(seed_, RandomStream::neighbour_views, static_cast<std::uint64_t>(step));
         for (std::size_t i = 0; i < others_.size() && !left.empty(); ++i) {
@@ -180,8 +180,7 @@ public:
                const Gaussians<Device>& gaussians) {
         count_ = 0;
         for (const int chosen : choose(step, reference))
-            others_[static_cast<std::size_t>(count_++)].begin(
-                views[static_cast<std::size_t>(chosen)], gaussians);
+            others_[count_++].begin(views[chosen], gaussians);
     }
 
     void compare(const RenderedImages<Device>& reference) {
@@ -193,7 +192,7 @@ public:
     }
 
     int count() const { return count_; }  // of the current step
-    NeighbourView<Device>& operator[](int i) { return others_[static_cast<std::size_t>(i)]; }
+    NeighbourView<Device>& operator[](int i) { return others_[i]; }
 
 private:
     ViewPairs pairs_;

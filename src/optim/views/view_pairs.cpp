@@ -30,10 +30,10 @@ struct Others {
     Candidate nearest{INFINITY, INFINITY, -1};
 
     Others(const std::vector<Stand>& stands, int i, double unit, double low, double high) {
-        const Stand& own = stands[static_cast<std::size_t>(i)];
+        const Stand& own = stands[i];
         for (int j = 0; j < static_cast<int>(stands.size()); ++j) {
             if (j == i) continue;
-            const Stand& other = stands[static_cast<std::size_t>(j)];
+            const Stand& other = stands[j];
             const double distance = norm(other.centre - own.centre) / unit;
             const bool candidate = distance > low && distance < high;
             if (!candidate && distance > nearest.distance) continue;
@@ -71,8 +71,8 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
     for (const View& view : scene.train)
         stands.push_back({optical_axis(view.camera), vec_cast<double>(camera_centre(view.camera))});
     for (int i = 0; i < static_cast<int>(scene.train.size()); ++i) {
-        const double unit = depths[static_cast<std::size_t>(i)];
-        std::vector<int>& chosen = result.of_view[static_cast<std::size_t>(i)];
+        const double unit = depths[i];
+        std::vector<int>& chosen = result.of_view[i];
         if (!(unit > 0)) {
             ++found.lonely, ++found.without_depth;
             continue;

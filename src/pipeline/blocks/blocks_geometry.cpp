@@ -44,7 +44,7 @@ bool cut(const std::vector<Vec2<double>>& points,
     double below = 0;
     std::size_t median = 0;
     while (median + 1 < order.size() && below + weights[order[median]] <= 0.5 * part.weight)
-        below += weights[static_cast<std::size_t>(order[median++])];
+        below += weights[order[median++]];
     // Points at the cut belong above it; at least one must lie below.
     while (median < order.size() && !(at(order[median]) > at(order.front()))) ++median;
     if (median == order.size()) return false;

@@ -213,7 +213,7 @@ void add_block_view(const Gaussians<Cpu>& coarse,
         look.share =
             with_depth == 0 ? 0 : static_cast<double>(pixels[b]) / static_cast<double>(with_depth);
         for (std::size_t k = 0; k < counted[b].size(); ++k) {
-            const Vec3f mean = coarse.means[static_cast<std::size_t>(counted[b][k])];
+            const Vec3f mean = coarse.means[counted[b][k]];
             if (!is_in_view(camera, mean)) continue;
             const Vec3f p = camera.camera_from_world * mean;
             const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),

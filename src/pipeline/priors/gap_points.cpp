@@ -30,7 +30,7 @@ std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>
         const int x = static_cast<int>(u), y = static_cast<int>(v);
         for (int b = std::max(y - 1, 0); b <= std::min(y + 1, h - 1); ++b)
             for (int a = std::max(x - 1, 0); a <= std::min(x + 1, w - 1); ++a) {
-                float& depth = farthest[static_cast<std::size_t>(b * w + a)];
+                float& depth = farthest[b * w + a];
                 depth = std::max(depth, p.z);
             }
     }
@@ -42,22 +42,19 @@ std::vector<float> measured_shares(const StereoMaps& maps) {
     const int w = maps.camera.width_px, h = maps.camera.height_px;
     std::vector<int> sums(
         static_cast<std::size_t>((w + 1) * (h + 1)));  // above and left of a pixel
-    const auto sum = [&](int x, int y) -> int& {
-        return sums[static_cast<std::size_t>(y * (w + 1) + x)];
-    };
+    const auto sum = [&](int x, int y) -> int& { return sums[y * (w + 1) + x]; };
     std::vector<float> shares(maps.depth.size());
     for (int y = 0; y < h; ++y)
         for (int x = 0; x < w; ++x)
-            sum(x + 1, y + 1) = sum(x, y + 1) + sum(x + 1, y) - sum(x, y) +
-                                is_measured(maps.confidence[static_cast<std::size_t>(y * w + x)]);
+            sum(x + 1, y + 1) =
+                sum(x, y + 1) + sum(x + 1, y) - sum(x, y) + is_measured(maps.confidence[y * w + x]);
     for (int y = 0; y < h; ++y)
         for (int x = 0; x < w; ++x) {
             const int left = std::max(x - kReach, 0), right = std::min(x + kReach + 1, w),
                       top = std::max(y - kReach, 0), bottom = std::min(y + kReach + 1, h);
-            shares[static_cast<std::size_t>(y * w + x)] =
-                static_cast<float>(sum(right, bottom) - sum(left, bottom) - sum(right, top) +
-                                   sum(left, top)) /
-                static_cast<float>((right - left) * (bottom - top));
+            shares[y * w + x] = static_cast<float>(sum(right, bottom) - sum(left, bottom) -
+                                                   sum(right, top) + sum(left, top)) /
+                                static_cast<float>((right - left) * (bottom - top));
         }
     return shares;
 }

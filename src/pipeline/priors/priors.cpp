@@ -80,8 +80,8 @@ std::vector<PriorView> views_of(const SceneOptions& options, Scene& scene) {
     const auto cameras = distorted_cameras(options);
     std::vector<PriorView> views(scene.train.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int i) {
-        PriorView& view = views[static_cast<std::size_t>(i)];
-        view.view = &scene.train[static_cast<std::size_t>(i)];
+        PriorView& view = views[i];
+        view.view = &scene.train[i];
         if (const auto at = cameras.find(view.view->name); at != cameras.end())
             view.camera = at->second;
         view.points = visible_points(view.view->camera, scene.points.positions);

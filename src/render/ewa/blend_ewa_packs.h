@@ -250,7 +250,7 @@ struct EwaForwardPacks : TilesForward<EwaModel<kChannels>> {
         using Pixels = TilePixels<Lane>;
         const TileBounds t = tile_bounds(grid, tile);
         const Pixels tile_pixels(t.left, t.top);
-        const TileSpan span = spans[static_cast<std::size_t>(tile)];
+        const TileSpan span = spans[tile];
         const std::uint32_t length = span.end - span.begin;
         PixelForward<Lane> pixels[Pixels::kCount];  // full pixels continue with T = 0
         Lane last_T[Pixels::kCount];                // of full pixels
@@ -381,7 +381,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels, kParted>> {
             last_of[k] = std::max(last_of[k], stop_in[p]), last = std::max(last, stop_in[p]);
         });
         SplatBatch<Lane> batch;
-        const TileSpan span = spans[static_cast<std::size_t>(tile)];
+        const TileSpan span = spans[tile];
         for (std::uint32_t end = last; end > 0;) {
             const std::uint32_t count = std::min(batch.kSplats, end), begin = end - count;
             // From the last splat on.

@@ -112,7 +112,7 @@ void blend_tile(const TilesForward<Model>& in, int tile) {
         bool full = false;
     };
     TileBlocks<State> blocks(tile_bounds(in.grid, tile), [](State&, int, int) {});
-    const TileSpan span = in.spans[static_cast<std::size_t>(tile)];
+    const TileSpan span = in.spans[tile];
     int open = kTileSize * kTileSize;
     for (std::uint32_t at = span.begin; at < span.end && open > 0; ++at) {
         const std::uint32_t splat = in.splats[at];
@@ -149,7 +149,7 @@ void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
                  pixel_backward<Model>(in.read, static_cast<int>(at), in.transmittance[at])};
         last = std::max(last, state.stop);
     });
-    const std::uint32_t begin = in.spans[static_cast<std::size_t>(tile)].begin;
+    const std::uint32_t begin = in.spans[tile].begin;
     for (std::uint32_t position = last; position-- > 0;) {
         const std::uint32_t splat = in.splats[begin + position];
         const auto& shape = in.shapes[splat];
@@ -216,7 +216,7 @@ void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const Buffer<std::uint32_t, Cpu>& stops,
                      FragmentGradients<Cpu, typename Model::Gradients>& fragments,
                      PackWidth width) {
-    fragments.resize(static_cast<std::size_t>(lists.fragment_count));
+    fragments.resize(lists.fragment_count);
     fragments.drawn.fill_zero();
     const TilesBackward<Model> in{splats.shapes.span(),
                                   splats.features.span(),

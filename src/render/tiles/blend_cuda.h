@@ -428,7 +428,7 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
                      FragmentGradients<Cuda, typename Model::Gradients>& fragments) {
     using namespace blend_detail;
     using Gradients = typename Model::Gradients;
-    fragments.resize(static_cast<std::size_t>(lists.fragment_count));
+    fragments.resize(lists.fragment_count);
     fragments.drawn.fill_zero();
     const FragmentGradientSpans<Gradients> out{fragments.gradients.span(), fragments.drawn.span()};
     blend_vjp_kernel<Model><<<grid.count(), kThreads>>>(

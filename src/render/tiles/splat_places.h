@@ -113,7 +113,7 @@ private:
             in_view = 0;
             std::atomic<int> turn = 0;  // first splat of the range whose records are placed next
             run_ranges(count, kChunk, [&](int begin, int end, int slot) {
-                Splats& records = own[static_cast<std::size_t>(slot)];
+                Splats& records = own[slot];
                 const auto projection = project(records);
                 typename std::remove_const_t<decltype(projection)>::Found found;
                 std::uint32_t here = 0, first = 0;
@@ -129,11 +129,11 @@ private:
                 first = in_view, in_view += here;
                 turn.store(end, std::memory_order_release);
                 turn.notify_all();
-                for (int i = begin; i < end; ++i) before_[static_cast<std::size_t>(i)] += first;
+                for (int i = begin; i < end; ++i) before_[i] += first;
                 if (in_room(first, here)) copy_records(records, here, splats, first);
             });
         } while (!found_room(in_view));
-        before_[static_cast<std::size_t>(count)] = in_view;
+        before_[count] = in_view;
         splats.resize(in_view);
     }
     bool in_room(std::size_t first, std::size_t count) const { return first + count <= room_; }

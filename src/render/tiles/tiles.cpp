@@ -52,7 +52,7 @@ void detail::list_tiles(Span<const float> depths,
     parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
         const std::size_t begin = static_cast<std::size_t>(c) * kChunk,
                           end = std::min(n, begin + kChunk);
-        find(begin, end, lists.fragment_counts.span(), met[static_cast<std::size_t>(c)]);
+        find(begin, end, lists.fragment_counts.span(), met[c]);
     });
 
     // Sorts splats by depth, then index.
@@ -79,7 +79,7 @@ void detail::list_tiles(Span<const float> depths,
     lists.tile_keys.resize(total), lists.splat_of_fragment.resize(total);
     lists.fragments.resize(total), lists.splats.resize(total);
     parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
-        const std::uint32_t* tiles = met[static_cast<std::size_t>(c)].data();
+        const std::uint32_t* tiles = met[c].data();
         const std::size_t begin = static_cast<std::size_t>(c) * kChunk;
         for (std::size_t i = begin; i < std::min(n, begin + kChunk); ++i) {
             const std::uint32_t count = lists.fragment_counts[i];
@@ -92,7 +92,7 @@ void detail::list_tiles(Span<const float> depths,
     });
 
     // Stable counting sort by tile.
-    lists.spans.resize(static_cast<std::size_t>(grid.count()));
+    lists.spans.resize(grid.count());
     lists.spans.fill_zero();
     for (std::uint32_t tile : lists.tile_keys.span()) ++lists.spans[tile].end;
     std::uint32_t begin = 0;

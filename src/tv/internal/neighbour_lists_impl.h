@@ -77,7 +77,7 @@ private:
 struct CountTerm {
     Span<const int> counts;
     TVSGS_HD std::int64_t operator()(std::int64_t i) const {
-        return i < counts.size() ? counts[static_cast<std::size_t>(i)] : 0;
+        return i < counts.size() ? counts[i] : 0;
     }
 };
 

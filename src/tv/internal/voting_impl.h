@@ -258,7 +258,7 @@ VotingDetails TensorVoter<Device>::details() const {
         detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order);
     const auto points = to_host(s.neighbours.points);
     const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
-        out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
+        out.assign(std::max(s.listed, 0), T{});
         // Without neighbours or an event nothing fits the splats.
         if (s.neighbours.k == 0 || values.size() < points.size()) return;
         const std::vector<T> host = to_host(values);

@@ -162,7 +162,7 @@ void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) 
     const std::size_t words = scratch_bytes / sizeof(std::uint64_t) + 1;
     std::vector<std::vector<std::uint64_t>> scratch(static_cast<std::size_t>(thread_count()));
     run_ranges(count, 16, [&](int begin, int end, int slot) {
-        auto& memory = scratch[static_cast<std::size_t>(slot)];
+        auto& memory = scratch[slot];
         memory.resize(words);
         for (int i = begin; i < end; ++i) {
             if constexpr (requires { Body::kPacks; }) {
