@@ -224,9 +224,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
         std::string hint;
         for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
             const std::string flag = word->substr(0, word->find('='));
-            if (!flag.starts_with("--") ||
-                std::find(known.begin(), known.end(), flag) != known.end())
-                continue;
+            if (!flag.starts_with("--") || std::ranges::find(known, flag) != known.end()) continue;
             const std::string near = nearest_name(flag, known);
             hint = near.empty() ? str("; unknown flag ", flag)
                                 : str("; unknown flag ", flag, ", did you mean ", near, "?");
@@ -235,8 +233,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
         const auto is = [&](CLI::ExitCodes code) {
             return hint.empty() && error.get_exit_code() == static_cast<int>(code);
         };
-        if (is(CLI::ExitCodes::ExtrasError) &&
-            std::find(known.begin(), known.end(), "--scene") != known.end())
+        if (is(CLI::ExitCodes::ExtrasError) && std::ranges::find(known, "--scene") != known.end())
             hint = str("; did you mean --scene ", first_extra(app), "?");
         if (is(CLI::ExitCodes::RequiredError)) hint = missing_places(app);
         if (hint.empty() && app.get_subcommands().empty())

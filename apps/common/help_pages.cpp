@@ -69,7 +69,7 @@ std::string man_flags(const CLI::App& app) {
     std::vector<std::string> groups;
     const auto flags = flags_of(app);
     for (const CLI::Option* flag : flags)
-        if (std::find(groups.begin(), groups.end(), flag->get_group()) == groups.end())
+        if (std::ranges::find(groups, flag->get_group()) == groups.end())
             groups.push_back(flag->get_group());
     std::string out;
     for (const std::string& group : groups) {
@@ -150,7 +150,7 @@ std::string help_page(CLI::App& app) {
     std::vector<std::pair<CLI::Option*, std::string>> hidden;
     for (CLI::Option* option : app.get_options()) {
         const auto& names = option->get_lnames();
-        const bool shown = names.empty() || std::any_of(names.begin(), names.end(), [](auto& name) {
+        const bool shown = names.empty() || std::ranges::any_of(names, [](auto& name) {
                                return flags_of_most_days().contains(name);
                            });
         if (shown || option->get_group().empty() || option->get_required()) continue;
@@ -198,7 +198,7 @@ std::string completion_words(const CLI::App& app) {
                 out += '\t';
                 if (begin != type.npos && end != type.npos) {
                     std::string choices = type.substr(begin + 1, end - begin - 1);
-                    std::replace(choices.begin(), choices.end(), ',', ' ');
+                    std::ranges::replace(choices, ',', ' ');
                     out += choices;
                 }
             }

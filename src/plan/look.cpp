@@ -104,7 +104,7 @@ void for_border(const View& view, const Visit& visit) {
 
 /// Whether a mask leaves out pixels that the lens saw.
 bool has_outside(const ImageU8& mask) {
-    return std::find(mask.pixels.begin(), mask.pixels.end(), 0) != mask.pixels.end();
+    return std::ranges::find(mask.pixels, 0) != mask.pixels.end();
 }
 
 BorderColor border_color(const View& view) {
@@ -161,8 +161,8 @@ SceneLook look_at(const Scene& scene,
     }
     look.pose_error = lower_median(pose_errors);
     look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
-    look.outside = std::any_of(scene.train.begin(), scene.train.end(),
-                               [](const View& view) { return has_outside(view.mask); });
+    look.outside =
+        std::ranges::any_of(scene.train, [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
     std::vector<double> pixels, matchable, per_pixel, reductions;
@@ -189,9 +189,8 @@ SceneLook look_at(const Scene& scene,
             ++sightings_in_all, on_border_color += border.near(view, s.x, s.y);
         // All pixels count in an image without texture.
         const bool some = share >= kLeastShare;
-        const auto inside = std::count_if(seen.begin(), seen.end(), [&](const Sighting& s) {
-            return !some || could_match.at(s.x, s.y);
-        });
+        const auto inside = std::ranges::count_if(
+            seen, [&](const Sighting& s) { return !some || could_match.at(s.x, s.y); });
         matchable.push_back(some ? share : 1);
         pixels.push_back(matchable.back() * could_match.pixels());
         per_pixel.push_back(static_cast<double>(inside) * static_cast<double>(stride) /
@@ -229,8 +228,7 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
         if (mask.empty()) continue;
         ++look.masked;
         const auto object = [](std::uint8_t value) { return value >= kObjectMask; };
-        if (look.empty.empty() && std::none_of(mask.pixels.begin(), mask.pixels.end(), object))
-            look.empty = view.name;
+        if (look.empty.empty() && std::ranges::none_of(mask.pixels, object)) look.empty = view.name;
         look.outside += has_outside(mask);
         int all = 0, outside = 0;
         for_border(view, [&](int x, int y) { ++all, outside += mask.at(x, y) == 0; });

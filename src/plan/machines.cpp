@@ -70,10 +70,10 @@ Decision decide_machines(const Scene& scene, const TrainOptions& options, const 
     const auto holds = [&](const Level& level) {
         return fitting(level.needs, in.limits) >= splats;
     };
-    auto taken = std::find_if(levels.begin(), levels.end(), holds);
+    auto taken = std::ranges::find_if(levels, holds);
     const bool fits = taken != levels.end();
     if (!fits)
-        taken = std::max_element(levels.begin(), levels.end(), [&](const Level& a, const Level& b) {
+        taken = std::ranges::max_element(levels, [&](const Level& a, const Level& b) {
             return fitting(a.needs, in.limits) < fitting(b.needs, in.limits);
         });
 

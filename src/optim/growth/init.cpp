@@ -128,10 +128,9 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     const float unit = guard_unit(scene), at_camera_distance = 1e-2f * unit;
     for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
         const Vec3f p = scene.points.positions[i];
-        const bool at_camera =
-            std::any_of(scene.train.begin(), scene.train.end(), [&](const View& view) {
-                return norm(p - camera_centre(view.camera)) < at_camera_distance;
-            });
+        const bool at_camera = std::ranges::any_of(scene.train, [&](const View& view) {
+            return norm(p - camera_centre(view.camera)) < at_camera_distance;
+        });
         if (at_camera) continue;
         positions.push_back(p);
         colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f}

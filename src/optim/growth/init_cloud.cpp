@@ -34,7 +34,7 @@ std::vector<Cell> sorted_cells(const std::vector<Vec3f>& points, float edge) {
         }
         cells[at] = {key, static_cast<std::uint32_t>(i)};
     });
-    std::sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) {
+    std::ranges::sort(cells, [](const Cell& a, const Cell& b) {
         return a.key != b.key ? a.key < b.key : a.point < b.point;
     });
     return cells;

@@ -74,7 +74,7 @@ DepthAlignment<double> align(const AffineFit& fit,
     for (std::size_t i = 0; i < prior.size(); ++i)
         errors.push_back(depth[i] - (fit.slope * prior[i] + fit.offset));
     const auto smaller = [](double a, double b) { return std::abs(a) < std::abs(b); };
-    std::sort(errors.begin(), errors.end(), smaller);
+    std::ranges::sort(errors, smaller);
     const auto count = std::min(static_cast<std::size_t>(std::max(nearest, 1)), errors.size());
     const double sum =
         std::accumulate(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(count), 0.0);

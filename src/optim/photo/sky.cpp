@@ -244,7 +244,7 @@ std::vector<std::size_t> others_of(std::size_t v, const std::vector<Small>& view
         if (double{own.fx_px} * norm(across) / depth < kMove) continue;
         found.emplace_back(-dot(axis, optical_axis(views[o].camera)), o);
     }
-    std::sort(found.begin(), found.end());
+    std::ranges::sort(found);
     std::vector<std::size_t> others;
     for (std::size_t i = 0; i < std::min<std::size_t>(found.size(), kOthers); ++i)
         others.push_back(found[i].second);

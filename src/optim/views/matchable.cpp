@@ -112,8 +112,8 @@ bool Matchable::is_in_other_view(int x, int y) const {
     if (!(depth_ > 0)) return true;
     const Rigid3f world = inverse(view_.camera.camera_from_world);
     const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));
-    return std::any_of(others_.begin(), others_.end(),
-                       [&](const Camera* other) { return is_in_view(*other, point); });
+    return std::ranges::any_of(others_,
+                               [&](const Camera* other) { return is_in_view(*other, point); });
 }
 
 namespace {
@@ -187,7 +187,7 @@ std::vector<float> open_shares(const std::vector<View>& views,
         for (const Sighting& s : seen)
             open[s.point] = std::max(open[s.point], static_cast<float>(blocks.open(s)));
     }
-    const auto beside = std::count_if(open.begin(), open.end(), [](float o) { return o > 0; });
+    const auto beside = std::ranges::count_if(open, [](float o) { return o > 0; });
     if (!open.empty())
         spdlog::info("Growth: {:.1f} % of the first splats lie beside gaps of the start cloud",
                      100.0 * static_cast<double>(beside) / static_cast<double>(open.size()));

@@ -43,7 +43,7 @@ struct Others {
             if (candidate) within.push_back(c);
             if (nearest.view < 0 || is_nearer(c, nearest)) nearest = c;
         }
-        std::sort(within.begin(), within.end(), is_nearer);
+        std::ranges::sort(within, is_nearer);
     }
 };
 
@@ -99,7 +99,7 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
         // Officially 0.1, for depths of about 3.
         std::vector<double> known = depths;
         std::erase_if(known, [](double d) { return !(d > 0); });
-        std::sort(known.begin(), known.end());
+        std::ranges::sort(known);
         result.min_depth = known.empty() ? 0 : static_cast<float>(known[known.size() / 2] / 30);
     }
     return found;

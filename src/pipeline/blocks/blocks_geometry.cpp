@@ -26,7 +26,7 @@ struct Part {
 double spread(const std::vector<Vec2<double>>& points, const std::vector<int>& of, int axis) {
     std::vector<double> values;
     for (const int i : of) values.push_back(coordinate(points[i], axis));
-    std::sort(values.begin(), values.end());
+    std::ranges::sort(values);
     const std::size_t skip = values.size() / 100;
     return values[values.size() - 1 - skip] - values[skip];
 }
@@ -40,7 +40,7 @@ bool cut(const std::vector<Vec2<double>>& points,
          Part& upper) {
     const auto at = [&](int i) { return coordinate(points[i], axis); };
     std::vector<int> order = part.points;
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return at(a) < at(b); });
+    std::ranges::stable_sort(order, [&](int a, int b) { return at(a) < at(b); });
     double below = 0;
     std::size_t median = 0;
     while (median + 1 < order.size() && below + weights[order[median]] <= 0.5 * part.weight)
@@ -131,9 +131,8 @@ std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
     all.weight = std::accumulate(weights.begin(), weights.end(), 0.0);
     std::vector<Part> parts{all};
     for (;;) {
-        const auto heaviest =
-            std::max_element(parts.begin(), parts.end(),
-                             [](const Part& a, const Part& b) { return a.weight < b.weight; });
+        const auto heaviest = std::ranges::max_element(
+            parts, [](const Part& a, const Part& b) { return a.weight < b.weight; });
         const bool enough =
             count > 0 ? static_cast<int>(parts.size()) >= count : !(heaviest->weight > most_weight);
         if (enough) break;
@@ -168,11 +167,11 @@ std::vector<int> choose_block_views(const std::vector<BlockView>& views,
     std::vector<int> order(views.size());
     std::iota(order.begin(), order.end(), 0);
     const auto share = [&](int v) { return views[v].share; };
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return share(a) > share(b); });
+    std::ranges::stable_sort(order, [&](int a, int b) { return share(a) > share(b); });
     std::vector<int> chosen;
     for (const int v : order) {
         const std::vector<int>& sees = views[v].sees;
-        const bool needed = std::any_of(sees.begin(), sees.end(), [&](int p) {
+        const bool needed = std::ranges::any_of(sees, [&](int p) {
             const auto at = static_cast<std::size_t>(p);
             return seen[at] >= wanted && chosen_see[at] < wanted;
         });
@@ -180,7 +179,7 @@ std::vector<int> choose_block_views(const std::vector<BlockView>& views,
         chosen.push_back(v);
         for (const int p : sees) ++chosen_see[p];
     }
-    std::sort(chosen.begin(), chosen.end());
+    std::ranges::sort(chosen);
     return chosen;
 }
 

@@ -115,8 +115,8 @@ private:
     }
 
     int running() const {
-        return static_cast<int>(std::count_if(places_.begin(), places_.end(),
-                                              [](const Place& place) { return !!place.run; }));
+        return static_cast<int>(
+            std::ranges::count_if(places_, [](const Place& place) { return !!place.run; }));
     }
 
     bool is_free(const Place& place) const {
@@ -125,8 +125,7 @@ private:
         const auto other = [&](const Place& p) {
             return p.usable && p.name != waiting_.front().failed_on;
         };
-        return running() == 0 &&
-               (other(place) || std::none_of(places_.begin(), places_.end(), other));
+        return running() == 0 && (other(place) || std::ranges::none_of(places_, other));
     }
 
     void start_next(Place& place) {
@@ -179,7 +178,7 @@ private:
                 ending_text(code), lines.empty() ? "" : ": ", printable(lines));
         const auto usable = [](const Place& p) { return p.usable; };
         if (code == static_cast<int>(ExitCode::device) &&
-            std::count_if(places_.begin(), places_.end(), usable) > 1)
+            std::ranges::count_if(places_, usable) > 1)
             place.usable = false;
         if (alone_) {
             spdlog::error("{}", text);

@@ -255,7 +255,7 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
             }
             const Vec3f l = coarse.log_scales[i];
             const float radius = 3 * std::exp(std::max({l.x, l.y, l.z}));
-            if (std::any_of(cameras.begin(), cameras.end(), [&](const Camera& camera) {
+            if (std::ranges::any_of(cameras, [&](const Camera& camera) {
                     return may_be_visible(camera, coarse.means[i], radius);
                 }))
                 block.fixed.push_back(static_cast<int>(i));

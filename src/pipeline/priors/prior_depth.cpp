@@ -25,8 +25,7 @@ PlacedMap read_depth(const DepthSource& source, const PriorFile& file, const Pri
                           source.convention.alignment == PriorAlignment::scale;
     for (float& value : placed.map.pixels) {
         const auto number = static_cast<double>(value);
-        const bool none = std::find(source.invalid.begin(), source.invalid.end(), number) !=
-                              source.invalid.end() ||
+        const bool none = std::ranges::find(source.invalid, number) != source.invalid.end() ||
                           (positive && source.convention.quantity != PriorQuantity::log_depth &&
                            !file.unreliable && !(number * file.scale + file.shift > 0));
         value = none ? kNaN : static_cast<float>(number * file.scale + file.shift);
@@ -64,7 +63,7 @@ DepthRange range_of(const FittedView& fitted) {
     constexpr double kBeyond = 4;
     std::vector<double> depths;
     for (const PriorSample& s : fitted.samples) depths.push_back(s.depth);
-    std::sort(depths.begin(), depths.end());
+    std::ranges::sort(depths);
     const std::size_t rare = depths.size() / 100;
     return {depths[rare] / kBeyond, depths[depths.size() - 1 - rare] * kBeyond};
 }
@@ -73,8 +72,8 @@ DepthRange range_of(const FittedView& fitted) {
 /// false without values.
 bool stretch(std::vector<float>& values) {
     std::vector<float> sorted;
-    std::copy_if(values.begin(), values.end(), std::back_inserter(sorted),
-                 [](float v) { return !std::isnan(v); });
+    std::ranges::copy_if(values, std::back_inserter(sorted),
+                         [](float v) { return !std::isnan(v); });
     if (sorted.empty()) return false;
     const auto percentile = [&](std::size_t percent) {
         const auto at =
@@ -218,10 +217,10 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
         if (view.file && !view.left_out) make_maps(in, view, views[i]);
     });
     warn_of_views(fitted, views);
-    const auto empty = std::count_if(fitted.begin(), fitted.end(),
-                                     [](const FittedView& v) { return is_uninformative(v.fit); });
-    const auto tested = std::count_if(fitted.begin(), fitted.end(),
-                                      [](const FittedView& v) { return v.fit.found; });
+    const auto empty =
+        std::ranges::count_if(fitted, [](const FittedView& v) { return is_uninformative(v.fit); });
+    const auto tested =
+        std::ranges::count_if(fitted, [](const FittedView& v) { return v.fit.found; });
     if (2 * empty > tested)
         throw input_error("E_PRIORS: ", source.what, ": ", empty, " of ", tested,
                           " depth maps fit the points hardly better than a constant depth; are "

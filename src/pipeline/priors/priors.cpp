@@ -112,7 +112,7 @@ void read_priors(const PriorOptions& options,
                  const SceneOptions& scene_options,
                  Scene& scene) {
     const auto wants = [&](std::string_view name) {
-        return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
+        return std::ranges::find(wanted, name) != wanted.end();
     };
     PriorSources sources;
     const PriorInputs in{options,
@@ -169,8 +169,7 @@ struct MissingMap {
 
 bool has_map(const View& view, std::string_view name) {
     if (name == "mask") return !view.mask.empty();
-    return std::any_of(view.maps.begin(), view.maps.end(),
-                       [&](const ViewMap& map) { return map.name == name; });
+    return std::ranges::any_of(view.maps, [&](const ViewMap& map) { return map.name == name; });
 }
 
 /// Maps that no view has, of terms with a weight above 0. Without maps that go with another
@@ -181,8 +180,7 @@ std::vector<MissingMap> missing_maps(const LossOptions& options, const std::vect
         if (!(term.weight > 0)) continue;
         for (const std::string_view map : term.needs.view_maps)
             if (map != prior_map::kConfidence && map != prior_map::kCoarseFeatures &&
-                std::none_of(views.begin(), views.end(),
-                             [&](const View& view) { return has_map(view, map); }))
+                std::ranges::none_of(views, [&](const View& view) { return has_map(view, map); }))
                 missing.push_back({term.key, std::string(map)});
     }
     return missing;

@@ -21,7 +21,7 @@ constexpr float kLeastFacing = 0.3f;
 
 /// Order and confidence belong to the depth.
 bool lacks(const View& view, std::string_view name) {
-    return std::none_of(view.maps.begin(), view.maps.end(), [&](const ViewMap& map) {
+    return std::ranges::none_of(view.maps, [&](const ViewMap& map) {
         return name == prior_map::kNormal
                    ? map.name == name
                    : map.name == prior_map::kDepth || map.name == prior_map::kDepthOrder;
@@ -165,8 +165,7 @@ StereoMaps completed(const StereoMaps& maps, const View& view) {
 }  // namespace
 
 std::size_t measured_pixels(const StereoMaps& completed) {
-    return static_cast<std::size_t>(
-        std::count_if(completed.confidence.begin(), completed.confidence.end(), is_measured));
+    return static_cast<std::size_t>(std::ranges::count_if(completed.confidence, is_measured));
 }
 
 std::vector<StereoMaps> completed_maps(const std::vector<StereoMaps>& maps,
@@ -192,7 +191,7 @@ void add_stereo_priors(const std::vector<StereoMaps>& completed,
             std::erase_if(view.maps,
                           [](const ViewMap& map) { return map.name == prior_map::kConfidence; });
         const auto add = [&](std::string_view name, int channels, std::vector<float> values) {
-            if (std::find(names.begin(), names.end(), name) != names.end())
+            if (std::ranges::find(names, name) != names.end())
                 view.maps.push_back({std::string(name), view.camera.width_px, view.camera.height_px,
                                      channels, std::move(values)});
         };
@@ -210,8 +209,7 @@ void make_stereo_priors(const DeviceChoice& device,
                         const MapNames& wanted,
                         StereoStart start,
                         std::vector<View>& views) {
-    if (std::all_of(views.begin(), views.end(),
-                    [&](const View& view) { return to_make(view, wanted).empty(); }))
+    if (std::ranges::all_of(views, [&](const View& view) { return to_make(view, wanted).empty(); }))
         return;
     if (start.maps.empty()) {
         spdlog::info("Losses need priors that the scene lacks: stereo makes them");

@@ -23,7 +23,7 @@ std::vector<int> phases_of(const TrainOptions& options) {
     });
     if (options.tv.enabled) phases.push_back(options.tv.start);
     std::erase_if(phases, [&](int at) { return at <= 1 || at > options.iterations; });
-    std::sort(phases.begin(), phases.end());
+    std::ranges::sort(phases);
     return phases;
 }
 
@@ -66,9 +66,8 @@ JsonValue TrainProgress::json(const TrainReport& report) const {
 }
 
 std::string TrainProgress::text(const TrainReport& report) {
-    const auto ahead = std::upper_bound(phases_.begin(), phases_.end(), report.step);
-    if (ahead != std::upper_bound(phases_.begin(), phases_.end(), last_) || report.step < last_)
-        pace_.restart();
+    const auto ahead = std::ranges::upper_bound(phases_, report.step);
+    if (ahead != std::ranges::upper_bound(phases_, last_) || report.step < last_) pace_.restart();
     last_ = report.step;
     pace_.add(seconds(), report.step);
     const double left = pace_.left(iterations_);

@@ -155,7 +155,7 @@ void require_output(const std::string& out,
                     const SceneOptions& scene) {
     if (is_stream(out)) return;
     const std::string found = fs::path(out).extension();
-    if (std::find(extensions.begin(), extensions.end(), found) == extensions.end()) {
+    if (std::ranges::find(extensions, found) == extensions.end()) {
         std::string expected;
         for (auto e = extensions.begin(); e != extensions.end(); ++e)
             expected += str(e == extensions.begin()     ? ""

@@ -57,11 +57,10 @@ SelectionReport select_splats(const SplatSelection& selection,
     if (most > 0 && places.size() > most) {
         const std::vector<double> weights = light.empty() ? size_of_splats(g) : light;
         std::vector<int> best = places;
-        std::stable_sort(best.begin(), best.end(),
-                         [&](int a, int b) { return weights[a] > weights[b]; });
+        std::ranges::stable_sort(best, [&](int a, int b) { return weights[a] > weights[b]; });
         report.beyond_most = static_cast<std::int64_t>(places.size() - most);
         best.resize(most);
-        std::sort(best.begin(), best.end());
+        std::ranges::sort(best);
         places = std::move(best);
     }
     if (places.size() < g.means.size()) keep_splats(places, g);

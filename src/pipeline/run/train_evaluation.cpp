@@ -36,8 +36,7 @@ PointScores score(const Make& make, const Truth& truth, bool curve) {
         return scores;
     }
     GeometryOptions options{truth.taus, truth.max_distance};
-    const double end =
-        truth.taus.empty() ? 0 : 2 * *std::max_element(truth.taus.begin(), truth.taus.end());
+    const double end = truth.taus.empty() ? 0 : 2 * *std::ranges::max_element(truth.taus);
     if (curve)
         for (int i = 0; i <= kCurvePoints; ++i) options.taus.push_back(end * i / kCurvePoints);
     const SamplePoints* const visible = truth.visible ? &*truth.visible : nullptr;
@@ -80,8 +79,7 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double 
     const bool goes_on = text.ends_with(",...");
     if (goes_on) text.resize(text.size() - 4);
     at_ = parse_numbers("--eval-at", text);
-    const bool increasing =
-        std::adjacent_find(at_.begin(), at_.end(), std::greater_equal<>()) == at_.end();
+    const bool increasing = std::ranges::adjacent_find(at_, std::greater_equal<>()) == at_.end();
     if (!increasing || (goes_on && at_.size() < 2))
         throw Error(ExitCode::usage, "--eval-at ", options.at,
                     ": expected increasing seconds such as 5,10,20, two or more before '...'");

@@ -28,7 +28,7 @@ bool read_values(const JsonValue& of_view, HeldExposures::value_type& values) {
     if (of_view.items.size() != values.size()) return false;
     for (std::size_t k = 0; k < values.size(); ++k)
         values[k] = static_cast<float>(of_view.items[k].number_or(NAN));
-    return std::all_of(values.begin(), values.end(), [](float v) { return std::abs(v) < 10; });
+    return std::ranges::all_of(values, [](float v) { return std::abs(v) < 10; });
 }
 
 }  // namespace

@@ -91,8 +91,8 @@ public:
     }
 
     double share_in_two_views() const {
-        const auto seen = std::count_if(fixed_.sample.begin(), fixed_.sample.end(),
-                                        [&](Vec3f p) { return in_two_views(p); });
+        const auto seen =
+            std::ranges::count_if(fixed_.sample, [&](Vec3f p) { return in_two_views(p); });
         return static_cast<double>(seen) / std::max(1.0, static_cast<double>(fixed_.sample.size()));
     }
 

@@ -111,7 +111,7 @@ void check_masks(const PhotometricOptions& options, const std::vector<View>& tra
 std::size_t drop_background_points(const std::vector<View>& views, PointCloud& cloud) {
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < cloud.positions.size(); ++i)
-        if (std::none_of(views.begin(), views.end(), [&](const View& view) {
+        if (std::ranges::none_of(views, [&](const View& view) {
                 return is_background_at(view, cloud.positions[i]);
             }))
             kept.push_back(i);

@@ -54,7 +54,7 @@ ImageU8 normal_image(int width, int height, const std::vector<Vec3f>& normals) {
 ImageU8 depth_image(int width, int height, const std::vector<float>& depths) {
     const auto is_valid = [](float d) { return d > 0 && std::isfinite(d); };
     std::vector<float> valid;
-    std::copy_if(depths.begin(), depths.end(), std::back_inserter(valid), is_valid);
+    std::ranges::copy_if(depths, std::back_inserter(valid), is_valid);
     if (valid.empty()) return ImageU8(width, height, 3);
     const auto percentile = [&](double p) {
         const auto at =
