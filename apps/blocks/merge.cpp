@@ -42,7 +42,7 @@ std::string cameras_of_blocks(const BlocksManifest& manifest) {
     std::string text = "[";
     int id = 0;
     for (auto& [name, camera] : cameras) {
-        camera.set("id", static_cast<double>(id));
+        camera.set("id", double(id));
         text += (id++ ? ",\n" : "\n") + json_text(camera);
     }
     return text + "\n]\n";

@@ -21,7 +21,7 @@ void run_train(const std::vector<std::string>& words) {
     std::vector<char*> argv;
     for (std::string& word : copied) argv.push_back(word.data());
     argv.push_back(nullptr);
-    train_command(static_cast<int>(words.size()), argv.data());
+    train_command(int(words.size()), argv.data());
 }
 
 RunOptions whole_options(const BlocksManifest& manifest, const std::vector<std::string>& settings) {
@@ -47,8 +47,8 @@ void read_summary(const std::string& log, BlockResult& result) {
     for (const JsonValue& line : parse_json_lines(read_bytes(log), log, damaged)) {
         if (line["event"].text_or("") != "done") continue;
         result.seconds = line["seconds"].number_or(0);
-        result.splats = static_cast<std::int64_t>(line["gaussians"].number_or(0));
-        result.peak_bytes = static_cast<std::int64_t>(line["peak_bytes"].number_or(0));
+        result.splats = std::int64_t(line["gaussians"].number_or(0));
+        result.peak_bytes = std::int64_t(line["peak_bytes"].number_or(0));
     }
 }
 

@@ -36,8 +36,8 @@ std::vector<BlockJob> jobs_of(const BlocksManifest& manifest, int iterations) {
     std::vector<BlockJob> jobs;
     for (int block = 1; block <= manifest.count(); ++block)
         if (!is_done(manifest, block))
-            jobs.push_back({block, manifest.block_folder(block) + "/train.log",
-                            static_cast<double>(iterations)});
+            jobs.push_back(
+                {block, manifest.block_folder(block) + "/train.log", double(iterations)});
     return jobs;
 }
 
@@ -47,11 +47,10 @@ struct Share {
     std::string host_memory;  // empty: as in the settings
 
     Share(const RunOptions& options, std::size_t places)
-        : threads(std::max(1, thread_count() / static_cast<int>(places))) {
+        : threads(std::max(1, thread_count() / int(places))) {
         if (options.memory.host.empty())
-            host_memory = str((memory_limits(options.memory, false).host >> 20) /
-                                  static_cast<std::int64_t>(places),
-                              "M");
+            host_memory =
+                str((memory_limits(options.memory, false).host >> 20) / std::int64_t(places), "M");
     }
 };
 
@@ -128,7 +127,7 @@ int run_all_blocks(const RunArguments& a) {
     schedule.on_report = [](int block, const JsonValue& report) {
         if (progress_style() != ProgressStyle::json) return;
         JsonValue line = report;
-        line.set("block", static_cast<double>(block));
+        line.set("block", double(block));
         std::fprintf(stderr, "%s\n", json_text(line).c_str());
     };
     ProgressView view;
@@ -147,9 +146,8 @@ int run_all_blocks(const RunArguments& a) {
     std::vector<int> blocks;
     for (const BlockFailure& failure : failures) blocks.push_back(failure.block);
     throw Error(static_cast<ExitCode>(failures.front().code),
-                str(a.folder, ": ", manifest.count() - static_cast<int>(blocks.size()), " of ",
-                    manifest.count(), " blocks are done; block", blocks.size() > 1 ? "s " : " ",
-                    block_list(blocks),
+                str(a.folder, ": ", manifest.count() - int(blocks.size()), " of ", manifest.count(),
+                    " blocks are done; block", blocks.size() > 1 ? "s " : " ", block_list(blocks),
                     " failed twice, see above; the same command continues with the rest"));
 }
 

@@ -109,13 +109,11 @@ std::string block_config(const RunOptions& options,
     table.set("init.force", "true", by);  // a block has few points in most of its views
     const AdamOptions& lr = options.train.lr;
     const DensifyOptions& densify = options.train.densify;
-    block.train.lr.position_start = static_cast<float>(lr.position_start * whole_over_block);
-    block.train.lr.position_end = static_cast<float>(lr.position_end * whole_over_block);
-    block.train.densify.percent_dense =
-        static_cast<float>(densify.percent_dense * whole_over_block);
-    block.train.densify.prune_large = static_cast<float>(densify.prune_large * whole_over_block);
-    if (split.max_splats > 0)
-        block.train.densify.max_gaussians = static_cast<int>(split.max_splats);
+    block.train.lr.position_start = float(lr.position_start * whole_over_block);
+    block.train.lr.position_end = float(lr.position_end * whole_over_block);
+    block.train.densify.percent_dense = float(densify.percent_dense * whole_over_block);
+    block.train.densify.prune_large = float(densify.prune_large * whole_over_block);
+    if (split.max_splats > 0) block.train.densify.max_gaussians = int(split.max_splats);
     return table.json();
 }
 
@@ -144,11 +142,11 @@ FileRecord write_block(const Splitting& s,
     }
     BlockInputs inputs;
     inputs.block = number, inputs.split = manifest.split;
-    inputs.views = static_cast<int>(block.views.size());
-    inputs.points = static_cast<std::int64_t>(block.points.positions.size());
-    inputs.expected_splats = static_cast<std::int64_t>(block.expected);
-    inputs.fixed_splats = static_cast<std::int64_t>(block.fixed.size());
-    const double ratio = static_cast<double>(s.scene.extent) / scene_extent(part);
+    inputs.views = int(block.views.size());
+    inputs.points = std::int64_t(block.points.positions.size());
+    inputs.expected_splats = std::int64_t(block.expected);
+    inputs.fixed_splats = std::int64_t(block.fixed.size());
+    const double ratio = double(s.scene.extent) / scene_extent(part);
     write_text_file(folder + "/views.txt", names);
     write_text_file(folder + "/config.json",
                     block_config(s.options, s.base, ratio, s.a.split) + "\n");
@@ -210,19 +208,16 @@ int split_scene(SplitArguments a) {
 
     // 2. Cells and their contents.
     const View& first = scene.train.front();
-    const auto file_px = [&](int photo_px) {
-        return static_cast<int>(std::lround(first.reduction * photo_px));
-    };
+    const auto file_px = [&](int photo_px) { return int(std::lround(first.reduction * photo_px)); };
     const double finer =
-        static_cast<double>(resized_size(options.scene.resolution, file_px(first.camera.width_px),
-                                         file_px(first.camera.height_px))
-                                .width_px) /
+        double(resized_size(options.scene.resolution, file_px(first.camera.width_px),
+                            file_px(first.camera.height_px))
+                   .width_px) /
         first.camera.width_px;
     const bool grows =
         options.train.densify.enabled && options.train.densify.growth_in_gaps_only < 1;
     const double expected =
-        (grows ? 5.0 : 1.0) *
-        static_cast<double>(std::max(scene.points.positions.size(), std::size_t{1}));
+        (grows ? 5.0 : 1.0) * double(std::max(scene.points.positions.size(), std::size_t{1}));
     BlocksManifest manifest;
     manifest.folder = a.out;
     manifest.scene = fs::absolute(options.scene.path).lexically_normal().string();
@@ -230,8 +225,7 @@ int split_scene(SplitArguments a) {
     manifest.seed = options.train.seed, manifest.iterations = options.train.iterations;
     plan_cells(scene, coarse, options, a.split, finer, expected, manifest);
     if (!options.mesh.meshes_background() && !(options.mesh.meshers.tsdf.voxel_size > 0))
-        table.set("mesh.voxel_size", str(static_cast<float>(manifest.voxel_size)),
-                  "tvsgs-blocks split");
+        table.set("mesh.voxel_size", str(float(manifest.voxel_size)), "tvsgs-blocks split");
     manifest.split = split_of(manifest);
     const auto looks = on_device(device, [&](auto tag) {
         return find_block_views<decltype(tag)>(scene, coarse, of_coarse.train, manifest);
@@ -258,8 +252,7 @@ int split_scene(SplitArguments a) {
     }
     const Splitting splitting{a, options, scene, coarse, scales, base, finer};
     for (std::size_t b = 0; b < blocks.size(); ++b)
-        manifest.files.push_back(
-            write_block(splitting, manifest, static_cast<int>(b) + 1, blocks[b]));
+        manifest.files.push_back(write_block(splitting, manifest, int(b) + 1, blocks[b]));
     write_text_file(a.out + "/commands.txt", commands_text(manifest));
     write_manifest(manifest);
     fs::remove(a.out + kUnfinished);

@@ -23,7 +23,7 @@ int last_iteration(const std::string& log) {
     if (!fs::is_regular_file(log, code)) return 0;
     int iteration = 0;
     for (const JsonValue& line : parse_json_lines(read_bytes(log), log, [](const std::string&) {}))
-        iteration = static_cast<int>(line["iteration"].number_or(iteration));
+        iteration = int(line["iteration"].number_or(iteration));
     return iteration;
 }
 
@@ -39,7 +39,7 @@ BlockState state_of(const BlocksManifest& manifest, int block) {
     try {
         read_block_inputs(manifest, block);
         if (const auto done = read_block_result(manifest, block)) {
-            s.splats = static_cast<double>(done->splats), s.seconds = done->seconds;
+            s.splats = double(done->splats), s.seconds = done->seconds;
             s.state = "done", s.text = str(done->splats, " splats, ", done->seconds, " s");
             return s;
         }
@@ -67,9 +67,9 @@ int status(const StatusArguments& a) {
         if (s.state != "done") missing.push_back(block);
         if (a.json) {
             JsonValue entry = JsonValue::object();
-            entry.set("block", static_cast<double>(block));
+            entry.set("block", double(block));
             entry.set("state", s.state);
-            entry.set("iteration", static_cast<double>(s.iteration));
+            entry.set("iteration", double(s.iteration));
             entry.set("splats", s.splats), entry.set("seconds", s.seconds);
             entry.set("text", s.text);
             list.items.push_back(std::move(entry));
@@ -83,7 +83,7 @@ int status(const StatusArguments& a) {
     if (a.missing && !missing.empty()) std::printf("%s\n", block_list(missing).c_str());
     if (missing.empty() && !a.missing && !a.json)
         say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "merge them");
-    return missing.empty() ? 0 : static_cast<int>(ExitCode::input);
+    return missing.empty() ? 0 : int(ExitCode::input);
 }
 
 }  // namespace

@@ -198,8 +198,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
         std::string word = argv[i];
         if (word.starts_with("--")) {
             const std::size_t end = std::min(word.find('='), word.size());
-            std::replace(word.begin() + 2, word.begin() + static_cast<std::ptrdiff_t>(end), '_',
-                         '-');
+            std::replace(word.begin() + 2, word.begin() + std::ptrdiff_t(end), '_', '-');
         }
         words.push_back(word);
     }
@@ -231,7 +230,7 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
         }
         // A folder without its flag, where no positional argument takes it.
         const auto is = [&](CLI::ExitCodes code) {
-            return hint.empty() && error.get_exit_code() == static_cast<int>(code);
+            return hint.empty() && error.get_exit_code() == int(code);
         };
         if (is(CLI::ExitCodes::ExtrasError) && std::ranges::find(known, "--scene") != known.end())
             hint = str("; did you mean --scene ", first_extra(app), "?");
@@ -336,12 +335,12 @@ int run_command(const std::function<int()>& command) {
         return 128 + stopped.signal;
     } catch (const Error& error) {
         std::fprintf(stderr, "error: %s\n", error.what());
-        return static_cast<int>(error.code());
+        return int(error.code());
     } catch (const std::filesystem::filesystem_error& error) {
         // For example a link to itself, a folder without permission, a name that is too long.
         std::fprintf(stderr, "error: %s: %s\n", error.path1().c_str(),
                      error.code().message().c_str());
-        return static_cast<int>(ExitCode::io);
+        return int(ExitCode::io);
     } catch (const std::bad_alloc&) {
         // std::bad_alloc does not give the size.
         const Error explained =
@@ -349,10 +348,10 @@ int run_command(const std::function<int()>& command) {
                               " MiB of buffers in use, ", grouped(free_bytes(Cpu{}) >> 20),
                               " MiB free on this machine"));
         std::fprintf(stderr, "error: %s\n", explained.what());
-        return static_cast<int>(ExitCode::memory);
+        return int(ExitCode::memory);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "error: internal: %s; please report it\n", error.what());
-        return static_cast<int>(ExitCode::internal);
+        return int(ExitCode::internal);
     }
 }
 

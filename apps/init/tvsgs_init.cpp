@@ -148,9 +148,8 @@ int command(int argc, char** argv) {
     spdlog::info("{}: {} photographs, {}x{}; {} sparse points; {}", scene_options.path,
                  scene.train.size(), camera.width_px, camera.height_px,
                  grouped(scene.points.positions.size()), device.description);
-    const StereoResult result =
-        stereo_cloud(device, scene.train, scene.points.positions, stereo_options,
-                     static_cast<std::size_t>(arguments.max_points));
+    const StereoResult result = stereo_cloud(device, scene.train, scene.points.positions,
+                                             stereo_options, std::size_t(arguments.max_points));
     if (!arguments.maps.empty())
         write_maps(arguments.maps, scene.train, result.maps, arguments.pictures);
     if (!arguments.out.empty()) write_cloud_ply(arguments.out, result.cloud, scene.origin);

@@ -114,7 +114,7 @@ JsonValue json_of(const fs::path& file) {
 }
 
 std::string count_of(const JsonValue& value, const std::string& what) {
-    return counted(static_cast<std::size_t>(std::max(0.0, value.number_or(0))), what);
+    return counted(std::size_t(std::max(0.0, value.number_or(0))), what);
 }
 
 /// "1.92 x 2.01 x 1.8": the box of the mesh.
@@ -333,8 +333,8 @@ int Reconstruction::run() {
     }
     if (all_kept) spdlog::info("Everything is done already; --overwrite starts anew");
     if (runner.warnings() > 0)
-        spdlog::info("{} in {}/reconstruct.log",
-                     counted(static_cast<std::size_t>(runner.warnings()), "warning"), a_.out);
+        spdlog::info("{} in {}/reconstruct.log", counted(std::size_t(runner.warnings()), "warning"),
+                     a_.out);
     const bool prepared = stages_.front() == &kPrepare;
     log_summary(a_.out + "/run", prepared ? scene_ : input_, a_.out + "/view.html");
     return 0;

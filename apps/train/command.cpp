@@ -50,10 +50,9 @@ void log_start(const Resolved& run, const DeviceChoice& device, const MemoryPlan
                  scene.path, scene.train.size(), scene.test.size(), camera.width_px,
                  camera.height_px, grouped(scene.points.positions.size()),
                  device.cuda ? device.description : "CPU",
-                 bytes_text(static_cast<double>(memory.first_bytes())));
+                 bytes_text(double(memory.first_bytes())));
     if (!run.plan.empty()) spdlog::info("Plan: {}. Why: --plan", run.plan.brief());
-    spdlog::debug("Memory: {}; extent of the scene {:.4g}", memory.text(),
-                  static_cast<double>(scene.extent));
+    spdlog::debug("Memory: {}; extent of the scene {:.4g}", memory.text(), double(scene.extent));
 }
 
 /// Returns false after a failure, which is a warning: the splats are written.
@@ -81,7 +80,7 @@ void print_plan(const Resolved& run, const DeviceChoice& device) {
         return;
     }
     TrainOptions training = run.options.train;
-    const auto splats = static_cast<std::int64_t>(scene.points.positions.size());
+    const auto splats = std::int64_t(scene.points.positions.size());
     const MemoryPlan memory = plan_memory(scene, run.options.memory, splats, device.cuda, training);
     std::printf("memory: %s\n", memory.text().c_str());
     std::fflush(stdout);
@@ -117,9 +116,9 @@ int train_command(int argc, char* const* argv) {
         print_plan(resolved, device);
         return 0;
     }
-    const auto first = static_cast<std::int64_t>(
-        resume.point ? resume.point->state->get("opacity_logits", 4).count()
-                     : resolved.scene.points.positions.size());
+    const auto first =
+        std::int64_t(resume.point ? resume.point->state->get("opacity_logits", 4).count()
+                                  : resolved.scene.points.positions.size());
     TrainOptions training = resolved.options.train;  // config.json keeps the cap as configured
     const MemoryPlan memory =
         plan_memory(resolved.scene, resolved.options.memory, first, device.cuda, training);

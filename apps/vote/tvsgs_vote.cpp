@@ -57,7 +57,7 @@ PointCloud points_of(const Gaussians<Cpu>& splats) {
         const int axis = smallest_axis(splats.log_scales[i]);
         points.positions.push_back(splats.means[i]);
         points.normals.push_back(column(rotation(normalize(splats.quats[i])), axis));
-        points.colors.push_back(Vec3f{0.5f, 0.5f, 0.5f} + static_cast<float>(kShC0) * splats.sh[i]);
+        points.colors.push_back(Vec3f{0.5f, 0.5f, 0.5f} + float(kShC0) * splats.sh[i]);
         points.confidences.push_back(sigmoid(splats.opacity_logits[i]));
     }
     return points;
@@ -144,7 +144,7 @@ int command(int argc, char** argv) {
         spdlog::info("Dropped {} off the surface", counted(count - votes.kept.size(), "point"));
     if (without > 0) spdlog::info("{} without a normal", counted(without, "point"));
     spdlog::info("Cloud: {}, mean confidence {:.2f}", a.output,
-                 confidence / static_cast<double>(votes.kept.size()));
+                 confidence / double(votes.kept.size()));
     return 0;
 }
 

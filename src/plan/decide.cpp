@@ -30,8 +30,8 @@ std::vector<Decision> decide_photographs(const PhotoStorage& storage) {
     return {{"photographs",
              "in a file",
              storage.reason(),
-             static_cast<double>(storage.bytes) / 1e9,
-             static_cast<double>(storage.limit) / 1e9,
+             double(storage.bytes) / 1e9,
+             double(storage.limit) / 1e9,
              {{"scene.photos", "file"}}}};
 }
 
@@ -41,7 +41,7 @@ Decision decide_settings(int train_views, bool measured_points) {
             dense ? kManyPhotographs : kFewPhotographs,
             measured_points ? std::string("measured points vote, and only this preset has votes")
                             : str(dense ? "" : "fewer than ", kDenseViews, dense ? " or more" : ""),
-            static_cast<double>(train_views),
+            double(train_views),
             kDenseViews,
             {},
             dense ? kManyPhotographs : kFewPhotographs};
@@ -78,7 +78,7 @@ std::vector<Decision> decide_masks(const MaskLook& look) {
 Decision decide_cloud(const SceneLook& look, bool dense) {
     if (dense) {
         const int least = InitOptions{}.min_points;
-        const auto points = static_cast<double>(look.points);
+        const auto points = double(look.points);
         return {"start points",
                 points < least ? "stereo" : "the model's",
                 str(grouped(look.points), " points, ", grouped(least), " needed"),
@@ -90,8 +90,7 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
     const bool covers = look.points_per_pixel >= kModelCovers;
     // Textured pixels of the whole scene, in proportion to the points that views see.
     const bool seen = look.points_per_pixel > 0;
-    const double scene_pixels =
-        seen ? static_cast<double>(look.points) / look.points_per_pixel : look.pixels;
+    const double scene_pixels = seen ? double(look.points) / look.points_per_pixel : look.pixels;
     std::string reason = str("the model has ", short_figure(look.points_per_pixel),
                              " per textured pixel, ", kModelCovers, " needed");
     // A trial at a small size must not promise the plan of the full size.

@@ -49,7 +49,7 @@ double between(double bare, double covered, double share) {
     return bare + share * (covered - bare);
 }
 int between(int bare, int covered, double share) {
-    return static_cast<int>(std::lround(between(1.0 * bare, 1.0 * covered, share)));
+    return int(std::lround(between(1.0 * bare, 1.0 * covered, share)));
 }
 
 /// The keys of the schedule that change when it is fitted to other iterations.
@@ -79,7 +79,7 @@ Decision decide_poses(const SceneLook& look, const CameraOptions& options) {
     if (off || !options.refine) return decision;
     // The user refines poses whose points fit well: they hold a pose better than photographs do.
     const double loose = (look.pose_error - kPoseExact) / (kPoseError - kPoseExact);
-    const double bound = std::max(1e-3, loose * static_cast<double>(options.bound_px));
+    const double bound = std::max(1e-3, loose * double(options.bound_px));
     decision.reason += str("; they move by ", rounded(bound), " px at most");
     decision.settings.emplace_back("cameras.bound_px", rounded(bound));
     return decision;
@@ -135,8 +135,7 @@ private:
     }
     /// 0 up to kLeastViews, 1 from kFewViews on.
     double between_few_views() const {
-        return std::clamp(static_cast<double>(look_.train_views - kLeastViews) /
-                              static_cast<double>(kFewViews - kLeastViews),
+        return std::clamp(double(look_.train_views - kLeastViews) / double(kFewViews - kLeastViews),
                           0.0, 1.0);
     }
     void by_views(const std::string& slope) {
@@ -201,14 +200,14 @@ private:
     void support() {
         // Photographs that are too far apart to compare are as few.
         const double many = look_.views_in_wide_pairs * between_few_views();
-        const double opacity = static_cast<double>(in_.options.init.opacity);
+        const double opacity = double(in_.options.init.opacity);
         Settings settings{
             {"init.support", "true"},
             {"init.opacity", rounded(between(opacity, kOpaque, covered_))},
             {"init.gap_px", std::to_string(kGapPx)},
             {"lr.supported",
              rounded(many < 1 ? std::pow(kFreeRates, between(1.0, many, covered_)) : 0)}};
-        const int full = many > 0 ? static_cast<int>(std::lround(kRising * iterations_ / many)) : 0;
+        const int full = many > 0 ? int(std::lround(kRising * iterations_ / many)) : 0;
         // Gradients of cameras need all of it.
         const bool refines = look_.pose_error >= kPoseError || in_.options.cameras.refine;
         if (in_.parts_colors && !refines) {
@@ -230,8 +229,7 @@ private:
         const std::string start = std::to_string(between(normal_start_, 1, covered_));
         by_cloud("normal loss", str("from iteration ", start), {{"loss.normal.start", start}});
         if (!in_.normals || look_.train_views >= kManyViews) return;
-        const double few = static_cast<double>(kManyViews - look_.train_views) /
-                           static_cast<double>(kManyViews - kFewViews);
+        const double few = double(kManyViews - look_.train_views) / double(kManyViews - kFewViews);
         const std::string weight = rounded(covered_ * std::min(few, 1.0));
         by_cloud("prior normals", str("weight ", weight),
                  // Priors that lie beside a scene were not measured.
@@ -285,11 +283,11 @@ private:
         const std::string every = std::to_string(between(o.tv.vote_every, kVoteEvery, covered_)),
                           search =
                               std::to_string(between(o.tv.refresh_every, kRefreshEvery, covered_)),
-                          weight = rounded(between(static_cast<double>(o.loss.tv_position.weight),
+                          weight = rounded(between(double(o.loss.tv_position.weight),
                                                    kPositionWeight, covered_));
         const int views = look_.train_views;
-        const double few = static_cast<double>(kViewsWithoutVotes - views) /
-                           static_cast<double>(kViewsWithoutVotes - kLeastViews),
+        const double few = double(kViewsWithoutVotes - views) /
+                           double(kViewsWithoutVotes - kLeastViews),
                      share = in_.supported ? between(1.0, std::clamp(few, 0.0, 1.0), covered_) : 1;
         Settings settings{{"tv.vote_every", every}};
         if (share < 1) {
@@ -297,7 +295,7 @@ private:
             for (const auto& [key, configured] :
                  {std::pair{"loss.tv_normal.weight", o.loss.tv_normal.weight},
                   std::pair{"loss.tv_position.weight", o.loss.tv_position.weight}})
-                settings.emplace_back(key, rounded(share * static_cast<double>(configured)));
+                settings.emplace_back(key, rounded(share * double(configured)));
         }
         by_cloud("votes",
                  share >= 1  ? str("every ", every)
@@ -324,7 +322,7 @@ private:
         for (const TermOnList& term : terms_on_list(in_.multi_view)) {
             if (term.needs.neighbour_views == 0 || !(term.weight > 0)) continue;
             settings.emplace_back(str("loss.", term.key, ".weight"),
-                                  rounded(strength * static_cast<double>(term.weight)));
+                                  rounded(strength * double(term.weight)));
             starts.emplace_back(str("loss.", term.key, ".start"), start);
         }
         settings.emplace_back("loss.multi_view.limits", "relative");

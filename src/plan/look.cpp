@@ -24,8 +24,7 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
     const Camera& c = view.camera;
     if (!is_in_view(c, point)) return std::nullopt;
     const Vec3f p = c.camera_from_world * point;
-    const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
-              y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
+    const int x = int(c.fx_px * p.x / p.z + c.cx_px), y = int(c.fy_px * p.y / p.z + c.cy_px);
     if (x < kReach || y < kReach || x + kReach >= view.photo.width ||
         y + kReach >= view.photo.height)
         return std::nullopt;
@@ -43,7 +42,7 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
 /// dark or saturated. `light`: of the darker view.
 std::optional<double> log_gain(const Patch& a, const Patch& b, const PhotoLight& light) {
     const auto mean = [](const Patch& p) {
-        return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
+        return std::accumulate(p.begin(), p.end(), 0.0) / double(p.size());
     };
     const double mean_a = mean(a), mean_b = mean(b);
     double aa = 0, bb = 0, ab = 0;
@@ -61,7 +60,7 @@ std::optional<double> log_gain(const Patch& a, const Patch& b, const PhotoLight&
 
 /// For every view the view whose optical axis is nearest, within 30 degrees; -1: none.
 std::vector<int> nearest_views(const Scene& scene) {
-    const int views = static_cast<int>(scene.train.size());
+    const int views = int(scene.train.size());
     std::vector<Vec3d> axes;
     for (const View& view : scene.train) axes.push_back(optical_axis(view.camera));
     const auto axis = [&](int v) { return axes[v]; };
@@ -112,11 +111,11 @@ BorderColor border_color(const View& view) {
     for (int c = 0; c < 3; ++c) {
         std::vector<double> levels;
         for_border(view, [&](int x, int y) { levels.push_back(view.photo.at(x, y, c)); });
-        found.color[c] = levels.empty() ? 0 : static_cast<int>(lower_median(levels));
+        found.color[c] = levels.empty() ? 0 : int(lower_median(levels));
     }
     int all = 0, alike = 0;
     for_border(view, [&](int x, int y) { ++all, alike += found.near(view, x, y); });
-    found.share = all > 0 ? static_cast<double>(alike) / all : 0;
+    found.share = all > 0 ? double(alike) / all : 0;
     return found;
 }
 
@@ -127,7 +126,7 @@ BorderColor border_color(const std::vector<View>& views) {
     for (int c = 0; c < 3; ++c) {
         std::vector<double> levels;
         for (const BorderColor& of : each) levels.push_back(of.color[c]);
-        found.color[c] = levels.empty() ? 0 : static_cast<int>(lower_median(levels));
+        found.color[c] = levels.empty() ? 0 : int(lower_median(levels));
     }
     for (const BorderColor& of : each) {
         found.share = std::min(found.share, of.share);
@@ -149,8 +148,8 @@ SceneLook look_at(const Scene& scene,
     const std::size_t stride = 1 + points.size() / kSample;
     const std::vector<int> nearest = nearest_views(scene);
     SceneLook look;
-    look.train_views = static_cast<int>(scene.train.size());
-    look.test_views = static_cast<int>(scene.test.size());
+    look.train_views = int(scene.train.size());
+    look.test_views = int(scene.test.size());
     look.points = points.size();
     std::vector<double> pose_errors;
     std::vector<PhotoLight> lights;
@@ -166,7 +165,7 @@ SceneLook look_at(const Scene& scene,
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
     std::vector<double> pixels, matchable, per_pixel, reductions;
-    Progress progress("looking at the views", static_cast<double>(scene.train.size()));
+    Progress progress("looking at the views", double(scene.train.size()));
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         progress.advance();
         const View& view = scene.train[v];
@@ -193,8 +192,7 @@ SceneLook look_at(const Scene& scene,
             seen, [&](const Sighting& s) { return !some || could_match.at(s.x, s.y); });
         matchable.push_back(some ? share : 1);
         pixels.push_back(matchable.back() * could_match.pixels());
-        per_pixel.push_back(static_cast<double>(inside) * static_cast<double>(stride) /
-                            pixels.back());
+        per_pixel.push_back(double(inside) * double(stride) / pixels.back());
         reductions.push_back(view.reduction);
         if (gains.size() < 30) continue;  // a median of fewer says little
         const double drift = std::abs(std::expm1(lower_median(gains)));
@@ -203,9 +201,8 @@ SceneLook look_at(const Scene& scene,
     }
     std::copy(border.color, border.color + 3, look.background);
     look.background_border = border.share;
-    look.background_points = sightings_in_all > 0 ? static_cast<double>(on_border_color) /
-                                                        static_cast<double>(sightings_in_all)
-                                                  : 0;
+    look.background_points =
+        sightings_in_all > 0 ? double(on_border_color) / double(sightings_in_all) : 0;
     look.pixels = lower_median(pixels);
     look.matchable = lower_median(matchable);
     look.points_per_pixel = lower_median(per_pixel);
@@ -232,12 +229,12 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
         look.outside += has_outside(mask);
         int all = 0, outside = 0;
         for_border(view, [&](int x, int y) { ++all, outside += mask.at(x, y) == 0; });
-        borders.push_back(all > 0 ? static_cast<double>(outside) / all : 0);
+        borders.push_back(all > 0 ? double(outside) / all : 0);
         for (const Sighting& s : sightings(view.camera, points, 1))
             ++seen, seen_outside += mask.at(s.x, s.y) == 0;
     }
     if (!borders.empty()) look.border = lower_median(borders);
-    if (seen > 0) look.matched = static_cast<double>(seen_outside) / static_cast<double>(seen);
+    if (seen > 0) look.matched = double(seen_outside) / double(seen);
     return look;
 }
 
@@ -250,17 +247,17 @@ StartLook look_at_start(const std::vector<View>& train,
     for (const View& view : train) {
         const int w = view.camera.width_px, h = view.camera.height_px,
                   side = (std::max(w, h) + kCells - 1) / kCells, row = (w + side - 1) / side;
-        std::vector<std::uint8_t> seen(static_cast<std::size_t>(row) * ((h + side - 1) / side));
+        std::vector<std::uint8_t> seen(std::size_t(row) * ((h + side - 1) / side));
         for (const Sighting& s : sightings(view.camera, points, stride))
-            seen[static_cast<std::size_t>(s.y / side) * row + s.x / side] = 1;
+            seen[std::size_t(s.y / side) * row + s.x / side] = 1;
         for (std::size_t i = 0; i < seen.size(); ++i) {
-            const int x = std::min(static_cast<int>(i) % row * side + side / 2, w - 1),
-                      y = std::min(static_cast<int>(i) / row * side + side / 2, h - 1);
+            const int x = std::min(int(i) % row * side + side / 2, w - 1),
+                      y = std::min(int(i) / row * side + side / 2, h - 1);
             if (masks && !view.mask.empty() && view.mask.at(x, y) < kObjectMask) continue;
             ++all, covered += seen[i];
         }
     }
-    return {points.size(), all > 0 ? static_cast<double>(covered) / static_cast<double>(all) : 0};
+    return {points.size(), all > 0 ? double(covered) / double(all) : 0};
 }
 
 double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points) {
@@ -275,12 +272,12 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
         for (const Camera& camera : cameras) {
             if (!is_in_view(camera, points[i])) continue;
             ++views;
-            far = far && static_cast<double>((camera.camera_from_world * points[i]).z) >= limit;
+            far = far && double((camera.camera_from_world * points[i]).z) >= limit;
         }
         if (views < 2) continue;
         ++seen, beyond += far;
     }
-    return seen > 0 ? static_cast<double>(beyond) / seen : NAN;
+    return seen > 0 ? double(beyond) / seen : NAN;
 }
 
 CommonBall look_at_common_ball(const std::vector<Camera>& cameras) {

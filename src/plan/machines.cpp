@@ -79,7 +79,7 @@ Decision decide_machines(const Scene& scene, const TrainOptions& options, const 
 
     // The reason states the memory that the first level fills more: of the device, or of the host.
     const auto share = [&](const MemoryNeed& need, std::int64_t limit) {
-        return static_cast<double>(need.at(splats)) / static_cast<double>(limit);
+        return double(need.at(splats)) / double(limit);
     };
     const MemoryPlan& plain = levels.front().needs;
     const bool of_device =
@@ -88,13 +88,10 @@ Decision decide_machines(const Scene& scene, const TrainOptions& options, const 
         return of_device ? level.needs.buffers : level.needs.host;
     };
     const std::int64_t limit = of_device ? in.limits.device : in.limits.host;
-    const auto bytes = [&](const Level& level) {
-        return static_cast<double>(need(level).at(splats));
-    };
-    std::string reason =
-        str(bytes_text(bytes(levels.front())), " of ", bytes_text(static_cast<double>(limit)),
-            of_device ? " GPU memory for " : " host memory for ", grouped(splats), " splats (",
-            in.expected.source, ")");
+    const auto bytes = [&](const Level& level) { return double(need(level).at(splats)); };
+    std::string reason = str(bytes_text(bytes(levels.front())), " of ", bytes_text(double(limit)),
+                             of_device ? " GPU memory for " : " host memory for ", grouped(splats),
+                             " splats (", in.expected.source, ")");
     if (&*taken != &levels.front()) reason += str("; ", bytes_text(bytes(*taken)), " this way");
     std::string choice = taken->choice;
     if (!fits) {
@@ -111,7 +108,7 @@ Decision decide_machines(const Scene& scene, const TrainOptions& options, const 
             choice,
             reason,
             bytes(levels.front()) / 1e9,
-            static_cast<double>(limit) / 1e9,
+            double(limit) / 1e9,
             taken->settings,
             &*taken == &levels.front() && fits ? "" : choice};
 }

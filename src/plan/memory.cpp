@@ -32,16 +32,15 @@ constexpr std::int64_t kProgram = 32 * kMiB;
 
 /// Bytes of the mask that DeviceViews makes for the terms.
 std::int64_t mask_bytes(const View& view, const LossNeeds& needs) {
-    return needs.view_maps.contains("mask")
-               ? static_cast<std::int64_t>(view.mask.pixels.size() * sizeof(float))
-               : 0;
+    return needs.view_maps.contains("mask") ? std::int64_t(view.mask.pixels.size() * sizeof(float))
+                                            : 0;
 }
 
 /// Bytes without the mask.
 std::int64_t photo_bytes(const View& view) {
     std::size_t bytes = view.photo.pixels.size() + view.grey.pixels.size();
     for (const ViewMap& map : view.maps) bytes += map.values.size() * sizeof(float);
-    return static_cast<std::int64_t>(bytes);
+    return std::int64_t(bytes);
 }
 
 /// Bytes on the device, as DeviceViews holds them.
@@ -56,9 +55,8 @@ std::int64_t host_bytes(const std::vector<View>& views) {
     std::int64_t bytes = 0;
     for (const View& v : views) {
         for (const ImageU8* image : {&v.photo, &v.grey, &v.mask})
-            if (!image->pixels.in_file()) bytes += static_cast<std::int64_t>(image->pixels.size());
-        for (const ViewMap& map : v.maps)
-            bytes += static_cast<std::int64_t>(map.values.size() * sizeof(float));
+            if (!image->pixels.in_file()) bytes += std::int64_t(image->pixels.size());
+        for (const ViewMap& map : v.maps) bytes += std::int64_t(map.values.size() * sizeof(float));
     }
     return bytes;
 }
@@ -78,8 +76,7 @@ std::int64_t largest_view(const Scene& scene) {
 
 template <class Device>
 std::int64_t limit_of(Device device, const std::string& key, const std::string& given) {
-    return given.empty() ? static_cast<std::int64_t>(kShareOfFreeMemory *
-                                                     static_cast<double>(free_bytes(device)))
+    return given.empty() ? std::int64_t(kShareOfFreeMemory * double(free_bytes(device)))
                          : parse_bytes(key, given);
 }
 
@@ -119,7 +116,7 @@ double share_in_view(const Scene& scene) {
         std::size_t in_view = 0, all = 0;
         for (std::size_t i = 0; i < points.size(); i += 1 + points.size() / kSample)
             ++all, in_view += is_in_view(view.camera, points[i]);
-        most = std::max(most, static_cast<double>(in_view) / static_cast<double>(all));
+        most = std::max(most, double(in_view) / double(all));
     }
     return std::min(1.0, (1 + kSpare) * most + kBeside);
 }
@@ -154,7 +151,7 @@ std::int64_t growth_cap(const Scene& scene, const DensifyOptions& options) {
         double pixels = 0;
         for (const View& view : scene.train)
             pixels += double(view.camera.width_px) * view.camera.height_px;
-        cap = std::min(cap, static_cast<std::int64_t>(std::ceil(share * pixels)));
+        cap = std::min(cap, std::int64_t(std::ceil(share * pixels)));
     }
     return cap;
 }
@@ -165,8 +162,7 @@ bool photos_crowd(const Scene& scene, const TrainOptions& options, std::int64_t 
 }
 
 std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting) {
-    return static_cast<std::int64_t>(
-        std::ceil((1 + kBlockMargin) * static_cast<double>(splats) / static_cast<double>(fitting)));
+    return std::int64_t(std::ceil((1 + kBlockMargin) * double(splats) / double(fitting)));
 }
 
 std::string split_command(const std::string& scene, std::int64_t blocks) {
@@ -226,7 +222,7 @@ MemoryPlan estimate_memory(const Scene& scene,
     plan.host.per_splat = 2 * state + parameters;
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + 2 * kept +
                       fixed * parameters +
-                      static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
+                      std::int64_t(scene.points.positions.size() * 3 * sizeof(Vec3f));
     if (!cuda) {
         buffers.per_splat += 2 * state;
         plan.host.per_splat = buffers.per_splat + parameters;
@@ -257,14 +253,13 @@ MemoryPlan plan_memory(const Scene& scene,
 
     plan.most = std::min(growth_cap(scene, options.densify), fit);
     plan.most = std::max(plan.most, std::min<std::int64_t>(splats, options.densify.max_gaussians));
-    options.densify.max_gaussians = static_cast<int>(plan.most);
+    options.densify.max_gaussians = int(plan.most);
     return plan;
 }
 
 std::string MemoryPlan::text() const {
     const auto needed = [](std::int64_t bytes, std::int64_t limit) {
-        return str(bytes_text(static_cast<double>(bytes)), " of ",
-                   bytes_text(static_cast<double>(limit)));
+        return str(bytes_text(double(bytes)), " of ", bytes_text(double(limit)));
     };
     std::string text = needed(first_bytes(), cuda ? limits.device : limits.host);
     if (cuda) text += str(" on the GPU, ", needed(host.at(first), limits.host), " on the host");

@@ -64,7 +64,7 @@ TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOp
     plan.iterations = options.iterations, plan.grows = options.densify.enabled;
     if (ends.size() < 2) return plan;
     const std::size_t first = std::min<std::size_t>(kWarmUp, ends.size() - 1) - 1;
-    plan.steps = static_cast<int>(ends.size() - 1 - first);
+    plan.steps = int(ends.size() - 1 - first);
     plan.of = std::max(1, iterations - kWarmUp);
     plan.each = (ends.back() - ends[first]) / plan.steps;
     plan.low = kLow * plan.each * options.iterations;

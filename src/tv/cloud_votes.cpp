@@ -48,7 +48,7 @@ double cloud_vote_steps(const CloudVoteOptions& options, std::size_t points) {
     const int rounds = std::max(options.refine, detail::kNormalRounds);
     // Scales, two passes per round, three for the normals. Outliers: scales, balls, twice support.
     const int outliers = 2 + 2 * (2 + detail::kOutlierHops);
-    return static_cast<double>(points) * (4 + 2 * rounds + (options.reject ? outliers : 0));
+    return double(points) * (4 + 2 * rounds + (options.reject ? outliers : 0));
 }
 
 template CloudVotes vote_in_cloud(Cpu,
@@ -77,18 +77,18 @@ void orient_along_graph(CloudVotes& votes) {
             if (j == kNoPoint || !has_normal(i) || !has_normal(j)) continue;
             const float cosine = dot(votes.normals[i], votes.normals[j]);
             const float sine2 = std::max(0.0f, 1 - cosine * cosine);
-            if (static_cast<int>(kClasses * std::sqrt(sine2)) == angle)
-                forest.join(static_cast<std::uint32_t>(i), j, cosine < 0);
+            if (int(kClasses * std::sqrt(sine2)) == angle)
+                forest.join(std::uint32_t(i), j, cosine < 0);
         }
     std::vector<Vec3d> sums(count);
     std::vector<double> sizes(count), farthest(count, -1);
     std::vector<bool> flip_part(count);
     for (std::size_t i = 0; i < count; ++i) {
-        const std::uint32_t root = forest.root(static_cast<std::uint32_t>(i)).index;
+        const std::uint32_t root = forest.root(std::uint32_t(i)).index;
         sums[root] += vec_cast<double>(votes.positions[i]), sizes[root] += 1;
     }
     for (std::size_t i = 0; i < count; ++i) {
-        const auto [root, flip] = forest.root(static_cast<std::uint32_t>(i));
+        const auto [root, flip] = forest.root(std::uint32_t(i));
         const Vec3d outwards = vec_cast<double>(votes.positions[i]) - sums[root] / sizes[root];
         const double distance = norm(outwards);
         if (!has_normal(i) || !(distance > farthest[root])) continue;
@@ -96,7 +96,7 @@ void orient_along_graph(CloudVotes& votes) {
         flip_part[root] = (dot(vec_cast<double>(votes.normals[i]), outwards) < 0) != flip;
     }
     for (std::size_t i = 0; i < count; ++i) {
-        const auto [root, flip] = forest.root(static_cast<std::uint32_t>(i));
+        const auto [root, flip] = forest.root(std::uint32_t(i));
         if (flip != flip_part[root]) votes.normals[i] = -votes.normals[i];
     }
 }

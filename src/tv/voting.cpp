@@ -28,7 +28,7 @@ HostLists unpacked(const CompactLists& lists, int voters, int k, int usable) {
     for (int rank = 0; rank < usable; ++rank) {
         lists.for_each_voter<1>(SerialWarp{}, rank,
                                 [&](std::uint32_t voter) { out.voters.push_back(voter); });
-        out.begin.push_back(static_cast<std::int64_t>(out.voters.size()));
+        out.begin.push_back(std::int64_t(out.voters.size()));
     }
     return out;
 }

@@ -123,7 +123,7 @@ struct FixedVoters {
     std::vector<float> scales;   // world units; radius of the surface patch that a point represents
     std::vector<float> weights;  // strength of the votes; a splat has at most 1
 
-    int size() const { return static_cast<int>(means.size()); }
+    int size() const { return int(means.size()); }
 };
 
 /// Time of one stage of an event.

@@ -27,8 +27,7 @@ public:
             std::from_chars(value_.data(), value_.data() + value_.size(), number);
         // The range is compared in float, because both are written as float literals.
         if (error != std::errc{} || end != value_.data() + value_.size() ||
-            !(static_cast<float>(number) >= static_cast<float>(range.min) &&
-              static_cast<float>(number) <= static_cast<float>(range.max)))
+            !(float(number) >= float(range.min) && float(number) <= float(range.max)))
             refuse(str("a number, ", range.min, " to ", range.max));
         field = number;
     }

@@ -103,7 +103,7 @@ private:
     std::vector<int> checked_parents(const CallerTurn<Device>& turn,
                                      std::int64_t count,
                                      const std::int32_t* parents) const {
-        std::vector<int> host(static_cast<std::size_t>(count));
+        std::vector<int> host(count);
         turn.copy(parents, host.data(), host.size() * sizeof(int));
         for (std::size_t i = 0; i < host.size(); ++i)
             if (host[i] < -1 || host[i] >= std::max<std::int64_t>(listed_, 0))
@@ -142,12 +142,12 @@ int guarded(std::string& error, const Action& action) noexcept {
             error = text;
         } catch (...) {  // no memory for the text
         }
-        return static_cast<int>(code);
+        return int(code);
     };
     try {
         error.clear();
         action();
-        return static_cast<int>(ExitCode::done);
+        return int(ExitCode::done);
     } catch (const Error& e) {
         return failed(e.code(), e.what());
     } catch (const std::bad_alloc&) {

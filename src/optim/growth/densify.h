@@ -92,13 +92,13 @@ public:
         count_view(screen, g.means.size());
         if (grows(step)) {
             grow_and_prune(step, g);
-            changed = rebuild(static_cast<std::uint32_t>(step), g, adam);
+            changed = rebuild(std::uint32_t(step), g, adam);
         }
         if (trims(step)) {
             trim(g, observe);
             Buffer<int, Device> before;
             if (changed) before.swap(parents_);
-            const bool trimmed = rebuild(static_cast<std::uint32_t>(step), g, adam);
+            const bool trimmed = rebuild(std::uint32_t(step), g, adam);
             if (changed) chain_parents(before, trimmed);
             changed |= trimmed;
         }
@@ -150,7 +150,7 @@ private:
             statistics_.resize(splats);
             statistics_.fill_zero();
         }
-        parallel_for(Device{}, static_cast<int>(splats),
+        parallel_for(Device{}, int(splats),
                      AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
                                     screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
                                     options_.rule, weights(), statistics_.span()});
@@ -184,8 +184,7 @@ private:
     void apply_quotas(int n) {
         std::vector<Growth> growth = to_host(growth_);
         const std::vector<float> score = to_host(score_);
-        std::size_t room =
-            options_.max_gaussians > n ? static_cast<std::size_t>(options_.max_gaussians - n) : 0;
+        std::size_t room = options_.max_gaussians > n ? std::size_t(options_.max_gaussians - n) : 0;
         bool changed = false;
         for (Growth kind : {Growth::clone, Growth::split, Growth::abs_split}) {
             std::vector<int> chosen;
@@ -193,11 +192,10 @@ private:
                 if (growth[i] == kind) chosen.push_back(i);
             std::size_t quota = room;
             if (kind == Growth::abs_split)
-                quota = std::min(quota, static_cast<std::size_t>(options_.max_abs_split));
+                quota = std::min(quota, std::size_t(options_.max_abs_split));
             if (chosen.size() > quota) {
-                std::nth_element(chosen.begin(),
-                                 chosen.begin() + static_cast<std::ptrdiff_t>(quota), chosen.end(),
-                                 [&](int a, int b) {
+                std::nth_element(chosen.begin(), chosen.begin() + std::ptrdiff_t(quota),
+                                 chosen.end(), [&](int a, int b) {
                                      const float sa = score[a], sb = score[b];
                                      return sa != sb ? sa > sb : a < b;
                                  });
@@ -216,7 +214,7 @@ private:
         front_views_.resize(n), growth_.resize(n), counts_.resize(n);
         front_views_.fill_zero();
         observe([&](const ScreenStatistics<Device>& screen) {
-            parallel_for(Device{}, static_cast<int>(n),
+            parallel_for(Device{}, int(n),
                          CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
         });
         parallel_for(Device{}, g.size(),
@@ -229,7 +227,7 @@ private:
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
-        const std::size_t n = static_cast<std::size_t>(total);
+        const std::size_t n = total;
         parents_.resize(n), is_new_.resize(n), child_of_split_.resize(n);
         parallel_for(Device{}, g.size(),
                      SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(),

@@ -72,8 +72,7 @@ float abs_quantile(const Buffer<GrowthStatistics, Device>& statistics, float gra
         abs.push_back(s.mean_abs_gradient());
         above += s.mean_gradient() >= gradient_threshold;
     }
-    const double share =
-        abs.empty() ? 0 : static_cast<double>(above) / static_cast<double>(abs.size());
+    const double share = abs.empty() ? 0 : double(above) / double(abs.size());
     return quantile(abs, 1 - share);
 }
 
@@ -161,8 +160,7 @@ struct ScatterChildrenBody {
 
     TVSGS_HD void operator()(int i) const {
         if (!is_new[i] || !(child_of_split[i] || jitter_clones)) return;
-        const Vec3f xi =
-            normal3(random4(seed, RandomStream::densify, static_cast<std::uint64_t>(i), step));
+        const Vec3f xi = normal3(random4(seed, RandomStream::densify, std::uint64_t(i), step));
         means[i] += rotation(normalize(quats[i])) * (exp(log_scales[i]) * xi);
         if (!child_of_split[i]) return;
         const float log_shrink = 0.47000363f;  // ln 1.6
@@ -211,7 +209,7 @@ struct KeepSeenBody {
     Span<int> counts;
     Span<Growth> growth;
     TVSGS_HD void operator()(int i) const {
-        counts[i] = static_cast<float>(views[i]) >= weights(i) * static_cast<float>(min_views);
+        counts[i] = float(views[i]) >= weights(i) * float(min_views);
         growth[i] = Growth::none;
     }
 };

@@ -15,11 +15,11 @@ inline Gaussians<Cpu> with_sh_degree(const Gaussians<Cpu>& splats, int degree) {
     Gaussians<Cpu> out;
     copy(splats, out);
     out.sh_degree = degree;
-    const auto n = static_cast<std::size_t>(splats.size());
-    out.sh.resize(n * static_cast<std::size_t>(sh_count(degree)));
+    const auto n = std::size_t(splats.size());
+    out.sh.resize(n * std::size_t(sh_count(degree)));
     out.sh.fill_zero();
     const int planes = std::min(sh_count(degree), sh_count(splats.sh_degree));
-    std::copy_n(splats.sh.data(), n * static_cast<std::size_t>(planes), out.sh.data());
+    std::copy_n(splats.sh.data(), n * std::size_t(planes), out.sh.data());
     return out;
 }
 

@@ -35,8 +35,7 @@ float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
     for (const View& view : views) {
         const Camera& c = view.camera;
         const Vec3f p = c.camera_from_world * point;
-        const float width = static_cast<float>(c.width_px),
-                    height = static_cast<float>(c.height_px);
+        const float width = float(c.width_px), height = float(c.height_px);
         const float x = c.fx_px * p.x + p.z * (c.cx_px - 0.5f * width),
                     y = c.fy_px * p.y + p.z * (c.cy_px - 0.5f * height);
         if (std::abs(x) < p.z * width && std::abs(y) < p.z * height)
@@ -53,8 +52,7 @@ public:
         float least = std::numeric_limits<float>::infinity(), most = 1;
         for (const View& view : views) {
             const Camera& c = view.camera;
-            const float width = static_cast<float>(c.width_px),
-                        height = static_cast<float>(c.height_px),
+            const float width = float(c.width_px), height = float(c.height_px),
                         x = (width + std::abs(c.cx_px - 0.5f * width)) / c.fx_px,
                         y = (height + std::abs(c.cy_px - 0.5f * height)) / c.fy_px;
             least = std::min(least, share * std::max(width / c.fx_px, height / c.fy_px));
@@ -89,14 +87,16 @@ private:
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k) {
     std::vector<float> result(points.size(), 0);
     if (points.size() < 2) return result;
-    const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
-    PointForest(points).for_each(
-        wanted, [&](std::size_t i, const float* squared, std::size_t found) {
-            // The first result is the point itself, or a duplicate at distance 0: skip one zero.
-            double sum = 0;
-            for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
-            if (found > 1) result[i] = static_cast<float>(sum / static_cast<double>(found - 1));
-        });
+    const std::size_t wanted = std::min(points.size(), std::size_t(k) + 1);
+    PointForest(points).for_each(wanted,
+                                 [&](std::size_t i, const float* squared, std::size_t found) {
+                                     // The first result is the point itself, or a duplicate at
+                                     // distance 0: skip one zero.
+                                     double sum = 0;
+                                     for (std::size_t j = 1; j < found; ++j)
+                                         sum += double(squared[j]);
+                                     if (found > 1) result[i] = float(sum / double(found - 1));
+                                 });
     return result;
 }
 
@@ -110,7 +110,7 @@ float median_depth(const Scene& scene) {
             if (z > 0) depths.push_back(z);
         }
     if (depths.empty()) return 0;
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
     std::nth_element(depths.begin(), middle, depths.end());
     return *middle;
 }
@@ -147,13 +147,13 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
 
     const std::vector<float> squared = mean_squared_neighbour_distance(positions, 3);
     Gaussians<Cpu> g;
-    resize(g, static_cast<int>(positions.size()), sh_degree);
+    resize(g, int(positions.size()), sh_degree);
     fill_zero(g);
     if (support) g.uncertainty.resize(positions.size());
     const float logit = std::log(options.opacity / (1 - options.opacity));
     const NearCameras near(scene.train, options.max_extent);
     parallel_for(Cpu{}, g.size(), [&](int splat) {
-        const std::size_t i = static_cast<std::size_t>(splat);
+        const std::size_t i = splat;
         g.means[i] = positions[i];
         float scale = std::sqrt(squared[i]);
         if (support) g.uncertainty[i] = confidences[i] > 0 ? scale : 0;
@@ -167,7 +167,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
             g.log_scales[i].z += std::log(kThickness);
         }
         g.opacity_logits[i] = logit;
-        g.sh[i] = (colors[i] - Vec3f{0.5f, 0.5f, 0.5f}) / static_cast<float>(kShC0);
+        g.sh[i] = (colors[i] - Vec3f{0.5f, 0.5f, 0.5f}) / float(kShC0);
     });
     return g;
 }

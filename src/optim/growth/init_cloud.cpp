@@ -25,14 +25,14 @@ std::vector<Cell> sorted_cells(const std::vector<Vec3f>& points, float edge) {
     for (const Vec3f p : points)
         low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     std::vector<Cell> cells(points.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const std::size_t at = static_cast<std::size_t>(i);
+    parallel_for(Cpu{}, int(points.size()), [&](int i) {
+        const std::size_t at = i;
         std::uint64_t key = 0;
         for (int axis = 0; axis < 3; ++axis) {
             const float cell = (points[at][axis] - low[axis]) / edge;
-            key = key << 21 | static_cast<std::uint64_t>(std::min(cell, 2097151.0f));
+            key = key << 21 | std::uint64_t(std::min(cell, 2097151.0f));
         }
-        cells[at] = {key, static_cast<std::uint32_t>(i)};
+        cells[at] = {key, std::uint32_t(i)};
     });
     std::ranges::sort(cells, [](const Cell& a, const Cell& b) {
         return a.key != b.key ? a.key < b.key : a.point < b.point;
@@ -65,7 +65,7 @@ Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree<float>& tre
         tree.nearest(points[i], std::min(kPoints, points.size()), index, squared);
     Vec3<double> mean;
     for (std::size_t j = 0; j < found; ++j) mean += vec_cast<double>(points[index[j]]);
-    mean = mean / static_cast<double>(found);
+    mean = mean / double(found);
     Sym3<double> scatter;
     for (std::size_t j = 0; j < found; ++j) {
         const Vec3<double> d = vec_cast<double>(points[index[j]]) - mean;
@@ -99,7 +99,7 @@ PointCloud thin_cloud(const PointCloud& cloud, float edge) {
     PointCloud out;
     for (std::size_t begin = 0, end = 0; begin < cells.size(); begin = end) {
         while (end < cells.size() && cells[end].key == cells[begin].key) ++end;
-        const double share = 1 / static_cast<double>(end - begin);
+        const double share = 1 / double(end - begin);
         const auto mean = [&](const std::vector<Vec3f>& from) {
             Vec3d sum;
             for (std::size_t i = begin; i < end; ++i) sum += vec_cast<double>(from[cells[i].point]);
@@ -128,20 +128,19 @@ PointCloud thin_to_count(const PointCloud& cloud, std::size_t count) {
     // On a surface the number of occupied cubes falls about as the square of the edge.
     const float size = extent(cloud.positions);
     double low = std::log(1e-6), high = 0;  // of edge / size: too many points, few enough
-    double guess = std::log(0.5 / std::sqrt(static_cast<double>(count)));
+    double guess = std::log(0.5 / std::sqrt(double(count)));
     for (int step = 0; step < 20; ++step) {
-        const std::size_t found =
-            occupied(cloud.positions, size * static_cast<float>(std::exp(guess)));
+        const std::size_t found = occupied(cloud.positions, size * float(std::exp(guess)));
         if (found > count)
             low = guess;
         else
             high = guess;
         if (found <= count && found * 10 >= count * 9) break;
-        const double aim = 0.96 * static_cast<double>(count);
-        guess += 0.5 * std::log(static_cast<double>(found) / aim);
+        const double aim = 0.96 * double(count);
+        guess += 0.5 * std::log(double(found) / aim);
         if (!(guess > low && guess < high)) guess = 0.5 * (low + high);
     }
-    PointCloud out = thin_cloud(cloud, size * static_cast<float>(std::exp(high)));
+    PointCloud out = thin_cloud(cloud, size * float(std::exp(high)));
     if (out.positions.size() <= count) return out;
     // Many points in one place: no edge separates them.
     std::vector<std::size_t> indices;
@@ -158,14 +157,14 @@ PointCloud remove_outliers(const PointCloud& cloud) {
         mean_squared_neighbour_distance(cloud.positions, kNeighbours);
     double sum = 0, squares = 0;
     for (const float s : squared) {
-        sum += std::sqrt(static_cast<double>(s));
-        squares += static_cast<double>(s);
+        sum += std::sqrt(double(s));
+        squares += double(s);
     }
-    const double n = static_cast<double>(squared.size()), mean = sum / n;
+    const double n = double(squared.size()), mean = sum / n;
     const double limit = mean + kDeviations * std::sqrt(std::max(squares / n - mean * mean, 0.0));
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < squared.size(); ++i)
-        if (std::sqrt(static_cast<double>(squared[i])) <= limit) kept.push_back(i);
+        if (std::sqrt(double(squared[i])) <= limit) kept.push_back(i);
     return select_points(cloud, kept);
 }
 
@@ -183,8 +182,8 @@ CloudVisibility cloud_visibility(const PointCloud& cloud, const std::vector<View
         two += seen == 2;
     }
     if (looked_at == 0) return {};
-    const double n = static_cast<double>(looked_at);
-    return {static_cast<double>(none) / n, static_cast<double>(two) / n};
+    const double n = double(looked_at);
+    return {double(none) / n, double(two) / n};
 }
 
 PointCloud prepare_cloud(PointCloud cloud,
@@ -194,10 +193,10 @@ PointCloud prepare_cloud(PointCloud cloud,
     const std::size_t given = cloud.positions.size();
     const CloudVisibility visible = cloud_visibility(cloud, views);
     const auto percent = [](double share) { return std::round(1000 * share) / 10; };
-    if (visible.two_views < static_cast<double>(options.min_in_frame))
+    if (visible.two_views < double(options.min_in_frame))
         throw Error(ExitCode::input, name, ": ", percent(visible.two_views), " % of its ",
                     grouped(given), " points are visible in two training views; expected at least ",
-                    percent(static_cast<double>(options.min_in_frame)),
+                    percent(double(options.min_in_frame)),
                     " %: is the cloud in the frame of the scene, with the same units and axes? "
                     "init.min_in_frame=0 skips this check");
     if (visible.no_view > 0.01)
@@ -205,8 +204,7 @@ PointCloud prepare_cloud(PointCloud cloud,
             "{}: no training view sees {:.1f} % of its points; training cannot correct them", name,
             100 * visible.no_view);
     if (options.thin > 0) cloud = thin_cloud(cloud, options.thin);
-    if (options.max_points > 0)
-        cloud = thin_to_count(cloud, static_cast<std::size_t>(options.max_points));
+    if (options.max_points > 0) cloud = thin_to_count(cloud, std::size_t(options.max_points));
     if (cloud.positions.size() != given)
         spdlog::info("{}: thinned to {} of {} points", name, grouped(cloud.positions.size()),
                      grouped(given));
@@ -233,7 +231,7 @@ FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options)
         voters.scales.push_back(std::sqrt(squared));
     const PointTree<float> tree(voters.means);
     parallel_for(Cpu{}, voters.size(), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
+        const auto at = std::size_t(i);
         if (!(dot(voters.normals[at], voters.normals[at]) > 0.5f))
             voters.normals[at] = plane_normal(voters.means, tree, at);
     });

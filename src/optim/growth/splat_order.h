@@ -36,9 +36,9 @@ void gather(Span<const int> from,
             Buffer<T, Device>& values,
             Buffer<T, Device>& scratch,
             int planes = 1) {
-    const std::size_t old_count = values.size() / static_cast<std::size_t>(planes);
-    scratch.resize(from.count * static_cast<std::size_t>(planes));
-    for (std::size_t p = 0; p < static_cast<std::size_t>(planes); ++p)
+    const std::size_t old_count = values.size() / std::size_t(planes);
+    scratch.resize(from.count * std::size_t(planes));
+    for (std::size_t p = 0; p < std::size_t(planes); ++p)
         parallel_for(Device{}, from.size(),
                      GatherBody<T>{from, cleared, values.data() + p * old_count,
                                    scratch.data() + p * from.count});

@@ -35,13 +35,12 @@ std::unique_ptr<NeighbourViews<Device>> make_neighbour_views(const Scene& scene,
                                                              bool quiet) {
     const LossNeeds needs = needs_of(options.loss);
     if (needs.neighbour_views == 0) return nullptr;
-    std::vector<std::unique_ptr<Backbone<Device>>> backbones(
-        static_cast<std::size_t>(needs.neighbour_views));
+    std::vector<std::unique_ptr<Backbone<Device>>> backbones(std::size_t(needs.neighbour_views));
     for (int i = 0; i < needs.rendered_views; ++i)
         backbones[i] = make_backbone<Device>(options.backbone, options.render);
     return std::make_unique<NeighbourViews<Device>>(
         select_view_pairs(scene, options.loss.multi_view, quiet), std::move(backbones),
-        static_cast<std::uint64_t>(options.seed));
+        std::uint64_t(options.seed));
 }
 
 template <class Device>
@@ -121,7 +120,7 @@ public:
             for (std::size_t i = 0; i < losses.size(); ++i) {
                 if (!losses[i]->active(step)) continue;
                 details(loss_stages_[i].c_str(), [&] {
-                    objective_.term = static_cast<int>(i);
+                    objective_.term = int(i);
                     losses[i]->add_to(objective_,
                                       {gaussians, images, view, field,
                                        backbone_->statistics().radii_px.span(), step, others});

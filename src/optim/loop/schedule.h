@@ -84,7 +84,7 @@ inline void fit_schedule(
         const double begin = counts == Counts::at ? std::max(from, 1.0) : 0;
         if (was <= begin || was >= kNever) return;
         const double fitted = counts == Counts::at ? done + (was - from) * ratio : was * ratio;
-        number = static_cast<int>(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
+        number = int(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
     });
     if (ratio < 1) keep_intervals(original, options.densify, iterations);
     options.iterations = iterations;

@@ -32,7 +32,7 @@ public:
         const double last = original_.iterations,
                      left = std::max(std::floor((seconds_ - seconds) * speed), 1.0);
         from_ = std::min(from_ + (done - fitted_at_) * rate_, last - 1);
-        const int iterations = done + static_cast<int>(std::min(left, last - done));
+        const int iterations = done + int(std::min(left, last - done));
         fit_schedule(original_, from_, options, done, iterations);
         planned_ = iterations - done;
         rate_ = (last - from_) / planned_;

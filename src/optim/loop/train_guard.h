@@ -47,27 +47,26 @@ template <class Device>
 GroupFloats group_floats(Gaussians<Device>& g, ParameterGroup group) {
     const auto all = [](auto& values) -> GroupFloats {
         constexpr int width = sizeof(*values.data()) / sizeof(float);
-        return {reinterpret_cast<float*>(values.data()), static_cast<int>(values.size()) * width,
-                width};
+        return {reinterpret_cast<float*>(values.data()), int(values.size()) * width, width};
     };
     const int dc = 3 * g.size();
     const GroupFloats sh = all(g.sh);
     const GroupFloats groups[] = {all(g.means),      all(g.log_scales),
                                   all(g.quats),      all(g.opacity_logits),
                                   {sh.begin, dc, 3}, {sh.begin + dc, sh.count - dc, 3}};
-    return groups[static_cast<int>(group)];
+    return groups[int(group)];
 }
 
 /// Name of a parameter group in messages; rate_key() gives the key of its learning rate.
 inline const char* name_of(ParameterGroup group) {
     constexpr const char* kNames[] = {"centre",  "scale",       "rotation",
                                       "opacity", "base colour", "SH coefficients"};
-    return kNames[static_cast<int>(group)];
+    return kNames[int(group)];
 }
 inline const char* rate_key(ParameterGroup group) {
     constexpr const char* kKeys[] = {"lr.position_start", "lr.scale", "lr.rotation",
                                      "lr.opacity",        "lr.sh_dc", "lr.sh_rest"};
-    return kKeys[static_cast<int>(group)];
+    return kKeys[int(group)];
 }
 
 /// For tests: makes one number not finite, `times` times.
@@ -81,7 +80,7 @@ struct InjectedFault {
 template <class Real>
 struct SpoilBody {
     Real* value;
-    TVSGS_HD void operator()(int) const { *value = static_cast<Real>(NAN); }
+    TVSGS_HD void operator()(int) const { *value = Real(NAN); }
 };
 
 /// A fault in words, with the parameter groups at fault; no group: only the loss is not finite.
@@ -146,7 +145,7 @@ private:
     /// Searches on the host: rare, as the run is about to be rolled back.
     static int first_splat(Gaussians<Device>& g, ParameterGroup group) {
         const GroupFloats floats = group_floats(g, group);
-        std::vector<float> host(static_cast<std::size_t>(floats.count));
+        std::vector<float> host(std::size_t(floats.count));
         detail::copy(Device{}, floats.begin, Cpu{}, host.data(), host.size() * sizeof(float));
         int i = 0;
         while (host[i] * 0 == 0) ++i;

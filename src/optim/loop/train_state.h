@@ -18,24 +18,22 @@ inline constexpr int kCheckEvery = 100;
 /// Draws training views without replacement, in a new random order each round.
 class ViewSampler {
 public:
-    ViewSampler(int count, std::uint64_t seed)
-        : order_(static_cast<std::size_t>(count)), seed_(seed) {}
+    ViewSampler(int count, std::uint64_t seed) : order_(std::size_t(count)), seed_(seed) {}
 
     /// The view of an iteration; iterations count from 1.
     int view(int iteration) {
-        const int views = static_cast<int>(order_.size()), round = (iteration - 1) / views;
-        if (round != round_) shuffle(static_cast<std::uint32_t>(round));
+        const int views = int(order_.size()), round = (iteration - 1) / views;
+        if (round != round_) shuffle(std::uint32_t(round));
         round_ = round;
         return order_[(iteration - 1) % views];
     }
 
 private:
     void shuffle(std::uint32_t round) {
-        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
+        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = int(i);
         for (std::size_t i = order_.size(); i > 1; --i) {
-            const auto pick = static_cast<std::size_t>(
-                uniform(random4(seed_, RandomStream::view_order, i, round).v[0]) *
-                static_cast<float>(i));
+            const auto pick = std::size_t(
+                uniform(random4(seed_, RandomStream::view_order, i, round).v[0]) * float(i));
             std::swap(order_[i - 1], order_[std::min(pick, i - 1)]);
         }
     }
@@ -50,9 +48,8 @@ template <class Device>
 auto make_terms(const Scene& scene, const TrainOptions& o) {
     // Close to 1 on DTU as normalised by PGSR's authors, where the published weights come from.
     const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
-    return make_losses<Device>(o.loss,
-                               {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()),
-                                static_cast<std::uint64_t>(o.seed), o.render.pixel_center});
+    return make_losses<Device>(o.loss, {depth > 0 ? depth / 3 : 1, int(scene.train.size()),
+                                        std::uint64_t(o.seed), o.render.pixel_center});
 }
 
 /// All state of a training; built from the scene or from a saved state.
@@ -74,9 +71,9 @@ struct TrainState {
           losses(make_terms<Device>(scene, o)),
           voter(o.tv),
           adam(o.lr, gaussians),
-          densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed)),
+          densifier(o.densify, scene.extent, std::uint64_t(o.seed)),
           cameras(scene, o.cameras),
-          sampler(static_cast<int>(scene.train.size()), static_cast<std::uint64_t>(o.seed)) {
+          sampler(int(scene.train.size()), std::uint64_t(o.seed)) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv));
         if (from != nullptr)
@@ -151,8 +148,7 @@ private:
         for (const std::string prefix : {"", "adam.m.", "adam.v."})
             for_each_array(
                 [&](const SplatArray& array, const auto&) {
-                    expect(prefix + array.name, static_cast<std::size_t>(array.planes),
-                           array.optional);
+                    expect(prefix + array.name, std::size_t(array.planes), array.optional);
                 },
                 shapes);
         expect("densify.statistics", 1, true);

@@ -33,7 +33,7 @@ std::vector<int> spread_out(const std::vector<int>& candidates, std::size_t coun
 std::vector<int> choose_anchors(int width, const std::vector<float>& confidence) {
     std::vector<int> pixels;
     for (std::size_t i = 0; i < confidence.size(); ++i)
-        if (confidence[i] > kAnchorConfidence) pixels.push_back(static_cast<int>(i));
+        if (confidence[i] > kAnchorConfidence) pixels.push_back(int(i));
     if (pixels.size() < kBest) return {};
     const auto better = [&](int a, int b) {
         const float ca = confidence[a], cb = confidence[b];
@@ -50,7 +50,7 @@ std::optional<AffineFit> fit_affine(const std::vector<double>& prior,
                                     const std::vector<double>& depth) {
     if (prior.size() < kLeastAnchors) return {};
     // Sums about the means keep their digits.
-    const double count = static_cast<double>(prior.size());
+    const double count = double(prior.size());
     double mean_prior = 0, mean_depth = 0;
     for (std::size_t i = 0; i < prior.size(); ++i) mean_prior += prior[i], mean_depth += depth[i];
     mean_prior /= count, mean_depth /= count;
@@ -75,10 +75,9 @@ DepthAlignment<double> align(const AffineFit& fit,
         errors.push_back(depth[i] - (fit.slope * prior[i] + fit.offset));
     const auto smaller = [](double a, double b) { return std::abs(a) < std::abs(b); };
     std::ranges::sort(errors, smaller);
-    const auto count = std::min(static_cast<std::size_t>(std::max(nearest, 1)), errors.size());
-    const double sum =
-        std::accumulate(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(count), 0.0);
-    return {fit.slope, fit.offset, std::abs(errors.back()), sum / static_cast<double>(count)};
+    const auto count = std::min(std::size_t(std::max(nearest, 1)), errors.size());
+    const double sum = std::accumulate(errors.begin(), errors.begin() + std::ptrdiff_t(count), 0.0);
+    return {fit.slope, fit.offset, std::abs(errors.back()), sum / double(count)};
 }
 
 }  // namespace tvsgs

@@ -53,7 +53,7 @@ struct PixelShift {
 TVSGS_HD inline PixelShift pixel_shift(const Random4& draw, int reach) {
     const auto whole = [reach](std::uint32_t bits) {
         const int count = 2 * reach + 1;
-        const int i = static_cast<int>(uniform(bits) * static_cast<float>(count));
+        const int i = int(uniform(bits) * float(count));
         return (i < count ? i : count - 1) - reach;
     };
     const PixelShift shift{whole(draw.v[0]), whole(draw.v[1])};
@@ -119,8 +119,7 @@ TVSGS_HD inline PixelPair pixel_pair(const PatchGrid& grid, int width, int i, co
     const int left = grid.left + kRankPatch * (patch % grid.across),
               top = grid.top + kRankPatch * (patch / grid.across);
     const auto pixel = [&](int place) {
-        const int in_patch = static_cast<int>(
-            permuted(static_cast<std::uint32_t>(place), std::uint32_t{kRankPixels}, key));
+        const int in_patch = int(permuted(std::uint32_t(place), std::uint32_t{kRankPixels}, key));
         return (top + in_patch / kRankPatch) * width + left + in_patch % kRankPatch;
     };
     // Adjacent places: permuted() separates them best.

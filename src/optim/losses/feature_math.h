@@ -23,8 +23,8 @@ TVSGS_HD SeenPoint<Real> seen_point(const ViewPair<Real>& pair, Vec3<Real> ray, 
     seen.there = pair.other_from_reference * (depth * ray);
     if (!(seen.there.z > pair.min_depth)) return seen;
     seen.point = project(pair.other, seen.there);
-    seen.inside = seen.point.x >= 0 && seen.point.x < static_cast<Real>(pair.other.width) &&
-                  seen.point.y >= 0 && seen.point.y < static_cast<Real>(pair.other.height);
+    seen.inside = seen.point.x >= 0 && seen.point.x < Real(pair.other.width) && seen.point.y >= 0 &&
+                  seen.point.y < Real(pair.other.height);
     return seen;
 }
 
@@ -57,15 +57,15 @@ template <class Real>
 TVSGS_HD FeatureCell<Real> feature_cell(const FeatureMap& map, Vec2<Real> point) {
     FeatureCell<Real> cell;
     const Real x = point.x - Real(0.5), y = point.y - Real(0.5);
-    if (map.width < 2 || map.height < 2 || !(x >= 0) || !(y >= 0) ||
-        !(x <= static_cast<Real>(map.width - 1)) || !(y <= static_cast<Real>(map.height - 1)))
+    if (map.width < 2 || map.height < 2 || !(x >= 0) || !(y >= 0) || !(x <= Real(map.width - 1)) ||
+        !(y <= Real(map.height - 1)))
         return cell;
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    const int x0 = int(x), y0 = int(y);
     const int left = x0 < map.width - 2 ? x0 : map.width - 2,
               top = y0 < map.height - 2 ? y0 : map.height - 2;
     cell.inside = true;
-    cell.first = (static_cast<std::size_t>(top) * map.width + left) * map.channels;
-    cell.u = x - static_cast<Real>(left), cell.v = y - static_cast<Real>(top);
+    cell.first = (std::size_t(top) * map.width + left) * map.channels;
+    cell.u = x - Real(left), cell.v = y - Real(top);
     return cell;
 }
 
@@ -74,8 +74,7 @@ template <class Real>
 TVSGS_HD ImageSample<Real> feature_sample(const FeatureMap& map,
                                           const FeatureCell<Real>& cell,
                                           int channel) {
-    const std::size_t i = cell.first + channel,
-                      row = static_cast<std::size_t>(map.width) * map.channels;
+    const std::size_t i = cell.first + channel, row = std::size_t(map.width) * map.channels;
     const Real a = map.values[i], b = map.values[i + map.channels], c = map.values[i + row],
                d = map.values[i + row + map.channels];
     const Real top = a + cell.u * (b - a), bottom = c + cell.u * (d - c);
@@ -113,7 +112,7 @@ TVSGS_HD FeatureMatch<Real> feature_match(const FeatureMap& map,
         aa += a * a, bb += b * b, ab += a * b;
         a_slope += a * sample.slope, b_slope += b * sample.slope;
     }
-    constexpr Real kLeast = static_cast<Real>(kLeastFeatureNorm * kLeastFeatureNorm);
+    constexpr Real kLeast = Real(kLeastFeatureNorm * kLeastFeatureNorm);
     if (!(aa > kLeast) || !(bb > kLeast)) return match;
     const Real over = 1 / (std::sqrt(aa) * std::sqrt(bb)), cosine = over * ab;
     match.error = std::abs(1 - cosine);

@@ -40,8 +40,8 @@ struct Objective {
     double* value() { return values.data() + term; }
     /// Adds the sum of the numbers to the value.
     void add(const Buffer<float, Device>& numbers) {
-        add_sum(Device{}, static_cast<int>(numbers.size()), ReadValue{numbers.span()}, 1,
-                partial.span(), value());
+        add_sum(Device{}, int(numbers.size()), ReadValue{numbers.span()}, 1, partial.span(),
+                value());
     }
     /// Sets `count` to the sum of n terms.
     template <class Term>

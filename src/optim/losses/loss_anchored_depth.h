@@ -82,7 +82,7 @@ struct AnchoredDepthBody {
         pixel_loss[at] = 0;
         if (!compared(at)) return;
         const float difference = compared.depth[at] - compared.target[at];
-        const float share = weight / static_cast<float>(*count);
+        const float share = weight / float(*count);
         pixel_loss[at] = share * std::abs(difference);
         dL_ddepth[at] += difference > 0 ? share : difference < 0 ? -share : 0;
     }
@@ -99,8 +99,8 @@ public:
         : options_(options),
           length_unit_(context.length_unit),
           pixel_center_(context.pixel_center),
-          made_(static_cast<std::size_t>(context.views)),
-          targets_(static_cast<std::size_t>(context.views)) {}
+          made_(std::size_t(context.views)),
+          targets_(std::size_t(context.views)) {}
 
     bool active(int step) const override { return step >= options_.start; }
     /// Of the iterations that make a target.
@@ -140,7 +140,7 @@ public:
         const auto& images = in.images;
         const Buffer<float, Device>& target = this->target(in.view.index);
         if (target.size() != images.depth.size()) return;  // no target could be made
-        const int pixels = static_cast<int>(images.depth.size());
+        const int pixels = int(images.depth.size());
         const HasTarget compared{target.span(), images.depth.span(), confidence,
                                  options_.min_confidence};
         objective.count_of(pixels, compared);
@@ -177,7 +177,7 @@ private:
         Made& made = made_[in.view.index];
         const NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
-        const int pixels = static_cast<int>(images.depth.size());
+        const int pixels = int(images.depth.size());
         confidence_.resize(images.depth.size());
         parallel_for(
             Device{}, pixels,
@@ -191,21 +191,20 @@ private:
                                  priors = to_host(in.view.map(prior_map::kDepthOrder)->values);
         std::vector<double> depth, wanted;
         for (const int at : anchors) {
-            depth.push_back(static_cast<double>(depths[at]));
-            wanted.push_back(static_cast<double>(priors[at]));
+            depth.push_back(double(depths[at]));
+            wanted.push_back(double(priors[at]));
         }
         const auto fit = fit_affine(wanted, depth);
         if (!fit) return;
         // Rejects a slope far from the last one, unless the next fit confirms it.
-        const double ratio = fit->slope / static_cast<double>(made.slope);
+        const double ratio = fit->slope / double(made.slope);
         const bool jumps = made.slope > 0 && !(ratio >= 0.1 && ratio <= 10);
-        made.slope = jumps ? 0 : static_cast<float>(fit->slope);
+        made.slope = jumps ? 0 : float(fit->slope);
         if (jumps) return;
 
         const DepthAlignment<double> a = align(*fit, wanted, depth, nearest_at(in.step));
-        const DepthAlignment<float> alignment{
-            static_cast<float>(a.slope), static_cast<float>(a.offset),
-            static_cast<float>(a.max_gap), static_cast<float>(a.correction)};
+        const DepthAlignment<float> alignment{float(a.slope), float(a.offset), float(a.max_gap),
+                                              float(a.correction)};
         Buffer<float, Device>& target = targets_[in.view.index];
         target.resize(images.depth.size());
         parallel_for(Device{}, pixels,

@@ -58,16 +58,14 @@ public:
             const int pairs = grid.pairs();
             if (pairs == 0) continue;
             pair_loss_.resize(pairs);
-            parallel_for(
-                Device{}, pairs,
-                DepthRankBody{
-                    grid, images.width,
-                    random4(seed_, RandomStream::depth_ranks, static_cast<std::uint64_t>(in.step),
-                            static_cast<std::uint32_t>(fewer)),
-                    images.depth.span(), images.transmittance.span(), order,
-                    prior_values(in.view, prior_map::kConfidence), 1 / length_unit_,
-                    options_.weight / (2 * static_cast<float>(pairs)), pair_loss_.span(),
-                    objective.dL_dimages.depth.span()});
+            parallel_for(Device{}, pairs,
+                         DepthRankBody{grid, images.width,
+                                       random4(seed_, RandomStream::depth_ranks,
+                                               std::uint64_t(in.step), std::uint32_t(fewer)),
+                                       images.depth.span(), images.transmittance.span(), order,
+                                       prior_values(in.view, prior_map::kConfidence),
+                                       1 / length_unit_, options_.weight / (2 * float(pairs)),
+                                       pair_loss_.span(), objective.dL_dimages.depth.span()});
             objective.add(pair_loss_);
         }
     }

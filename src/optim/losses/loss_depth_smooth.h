@@ -65,7 +65,7 @@ public:
         const auto& images = in.images;
         const int w = images.width, h = images.height;
         const auto mean_of = [&](int steps) {
-            return steps > 0 ? options_.weight / static_cast<float>(steps) : 0.0f;
+            return steps > 0 ? options_.weight / float(steps) : 0.0f;
         };
         pixel_loss_.resize(images.depth.size());
         parallel_for(Device{}, w * h,

@@ -25,7 +25,7 @@ public:
 
     void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const int pixels = in.images.width * in.images.height;
-        const float weight = options_.weight / static_cast<float>(pixels);
+        const float weight = options_.weight / float(pixels);
         add_sum(Device{}, pixels, ReadValue{in.images.distortion.span()}, weight,
                 objective.partial.span(), objective.value());
         parallel_for(Device{}, pixels,

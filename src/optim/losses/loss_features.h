@@ -16,17 +16,17 @@ struct FillNoPointBody {
 /// Sort key of a surface point; the nearest has the smallest. Ties are ordered by pixel.
 TVSGS_HD inline std::int64_t nearness(Vec3f there, int at) {
     const float distance = std::sqrt(dot(there, there));
-    return static_cast<std::int64_t>(__builtin_bit_cast(std::uint32_t, distance)) << 32 | at;
+    return std::int64_t(__builtin_bit_cast(std::uint32_t, distance)) << 32 | at;
 }
 
 /// Whether the key belongs to pixel `at`. Compares indices: a distance computed again may be
 /// rounded differently.
 TVSGS_HD inline bool is_nearest(std::int64_t nearness, int at) {
-    return static_cast<std::uint32_t>(nearness) == static_cast<std::uint32_t>(at);
+    return std::uint32_t(nearness) == std::uint32_t(at);
 }
 
 TVSGS_HD inline int pixel_of(const ViewPair<float>& pair, const SeenPoint<float>& seen) {
-    return static_cast<int>(seen.point.y) * pair.other.width + static_cast<int>(seen.point.x);
+    return int(seen.point.y) * pair.other.width + int(seen.point.x);
 }
 
 /// Writes a z-buffer of the other view's pixels.
@@ -69,18 +69,15 @@ struct FeatureBody {
         if (!seen.inside || !(transmittance[at] <= 0.5f) ||
             !is_nearest(nearest[pixel_of(pair, seen)], at))
             return;
-        const Vec2f scale_here{
-            static_cast<float>(here.width) / static_cast<float>(camera.width_px),
-            static_cast<float>(here.height) / static_cast<float>(camera.height_px)},
-            scale_there{static_cast<float>(there.width) / static_cast<float>(pair.other.width),
-                        static_cast<float>(there.height) / static_cast<float>(pair.other.height)};
+        const Vec2f scale_here{float(here.width) / float(camera.width_px),
+                               float(here.height) / float(camera.height_px)},
+            scale_there{float(there.width) / float(pair.other.width),
+                        float(there.height) / float(pair.other.height)};
         const auto match = feature_match(
-            here,
-            Vec2f{scale_here.x * (static_cast<float>(x) + 0.5f),
-                  scale_here.y * (static_cast<float>(y) + 0.5f)},
-            there, Vec2f{scale_there.x * seen.point.x, scale_there.y * seen.point.y}, kMaxError);
+            here, Vec2f{scale_here.x * (float(x) + 0.5f), scale_here.y * (float(y) + 0.5f)}, there,
+            Vec2f{scale_there.x * seen.point.x, scale_there.y * seen.point.y}, kMaxError);
         if (!match.valid) return;
-        const float scale = weight / static_cast<float>(*count);
+        const float scale = weight / float(*count);
         pixel_loss[at] += scale * match.error;
         dL_ddepth[at] += seen_point_vjp(pair, ray, seen,
                                         Vec2f{scale * scale_there.x * match.derror_dpoint.x,
@@ -120,7 +117,7 @@ public:
         pixel_loss_.fill_zero();
         objective.count_of(pixels, HasDepth{images.depth.span()});
         for (const NeighbourView<Device>* other : others)
-            compare(objective, in, *other, options_.weight / static_cast<float>(others.size()));
+            compare(objective, in, *other, options_.weight / float(others.size()));
         objective.add(pixel_loss_);
     }
 
@@ -132,9 +129,8 @@ private:
         const auto& images = in.images;
         const int pixels = images.width * images.height;
         const ViewPair<float>& pair = other.pair();
-        nearest_.resize(static_cast<std::size_t>(pair.other.width) *
-                        static_cast<std::size_t>(pair.other.height));
-        parallel_for(Device{}, static_cast<int>(nearest_.size()), FillNoPointBody{nearest_.span()});
+        nearest_.resize(std::size_t(pair.other.width) * std::size_t(pair.other.height));
+        parallel_for(Device{}, int(nearest_.size()), FillNoPointBody{nearest_.span()});
         parallel_for(Device{}, pixels,
                      NearestPointBody{pair, images.camera, images.depth.span(), nearest_.span()});
         const bool both = in.view.map(prior_map::kCoarseFeatures) != nullptr &&

@@ -29,7 +29,7 @@ struct FlattenGradientBody {
     Span<Vec3f> dL_dlog_scales;
     TVSGS_HD void operator()(int i) const {
         // s / count, which is also its derivative by log s.
-        const float share = static_cast<float>(term(i));
+        const float share = float(term(i));
         if (share > 0) dL_dlog_scales[i][smallest_axis(term.log_scales[i])] += weight * share;
     }
 };

@@ -21,16 +21,15 @@ struct MultiViewGeometryBody {
         if (!(w > 0)) return;
         const Vec3f ray = pixel_ray(camera, at % camera.width_px, at / camera.width_px);
         const auto r = reproject(pair, ray, depth[at], [&](int i) { return other_depth[i]; });
-        const float scale = weight / static_cast<float>(*count);
+        const float scale = weight / float(*count);
         pixel_loss[at] = scale * w * r.distance;
         const auto g = reproject_vjp(pair, ray, r, w);
         dL_ddepth[at] += scale * g.dL_ddepth;
         for (int i = 0; i < 4; ++i) {
-            const double px =
-                static_cast<double>(r.share[i] * g.dL_dother_depth * other_depth[r.at[i]]);
+            const double px = double(r.share[i] * g.dL_dother_depth * other_depth[r.at[i]]);
             if (std::abs(px) < 1e6)  // the depth of this pixel is too sensitive
                 add_atomically(&dL_dother_log_depth[r.at[i]],
-                               static_cast<std::int64_t>(px * NeighbourView<Cpu>::kFixedUnit));
+                               std::int64_t(px * NeighbourView<Cpu>::kFixedUnit));
         }
     }
 };
@@ -54,7 +53,7 @@ public:
         if (in.others == nullptr) return;
         NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
-        const int pixels = static_cast<int>(images.depth.size());
+        const int pixels = int(images.depth.size());
         pixel_loss_.resize(images.depth.size());
         parallel_for(
             Device{}, pixels,

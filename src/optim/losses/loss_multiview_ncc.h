@@ -35,9 +35,9 @@ struct PatchBody {
 
     TVSGS_HD void operator()(int i) const {
         PatchTerm term{-1, 0, {}, 0};
-        const auto valid = static_cast<std::uint32_t>(*count);
-        if (static_cast<std::uint32_t>(i) < valid) {
-            const int at = pixels[permuted(static_cast<std::uint32_t>(i), valid, key)];
+        const auto valid = std::uint32_t(*count);
+        if (std::uint32_t(i) < valid) {
+            const int at = pixels[permuted(std::uint32_t(i), valid, key)];
             const Camera& camera = patches.camera;
             // The plane with this normal through the surface point.
             const Vec3f n = normal[at], point = depth[at] * pixel_ray(camera, at % camera.width_px,
@@ -62,7 +62,7 @@ struct PatchLoss {
     Span<const PatchTerm> terms;
     const double* count;
     TVSGS_HD double operator()(int i) const {
-        return terms[i].pixel >= 0 ? static_cast<double>(terms[i].loss) / *count : 0.0;
+        return terms[i].pixel >= 0 ? double(terms[i].loss) / *count : 0.0;
     }
 };
 
@@ -77,7 +77,7 @@ struct PatchGradientBody {
     TVSGS_HD void operator()(int i) const {
         const PatchTerm& t = terms[i];
         if (t.pixel < 0) return;
-        const float scale = weight / static_cast<float>(*count);
+        const float scale = weight / float(*count);
         dL_dnormal[t.pixel] += scale * t.dL_dnormal;
         dL_ddepth[t.pixel] += scale * t.dL_ddepth;
     }
@@ -106,7 +106,7 @@ public:
         if (in.others == nullptr) return;
         const NeighbourView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
-        const int all = static_cast<int>(images.depth.size());
+        const int all = int(images.depth.size());
         pixels_.resize(images.depth.size());
         exclusive_scan(other.valid(), place_, scratch_);
         parallel_for(Device{}, all,
@@ -119,7 +119,7 @@ public:
             Device{}, samples,
             PatchBody{patch_pair(images, in.view, other, pixel_center_), images.normal.span(),
                       images.depth.span(), other.weight(), pixels_.span(), other.valid_count(),
-                      random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
+                      random4(seed_, RandomStream::patches, std::uint64_t(in.step)),
                       terms_.span()});
         objective.count_of(samples, PatchPasses{terms.span()});
         add_sum(Device{}, samples, PatchLoss{terms.span(), objective.count.data()}, options_.weight,

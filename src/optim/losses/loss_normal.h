@@ -57,9 +57,8 @@ public:
             Device{}, pixels,
             NormalLossBody{images.camera, images.normal.span(), images.depth.span(),
                            images.transmittance.span(), in.view.photo.data(), in.view.edge_min,
-                           in.view.edge_max, options_.weight / static_cast<float>(pixels),
-                           pixel_loss_.span(), neighbours_.span(),
-                           objective.dL_dimages.normal.span()});
+                           in.view.edge_max, options_.weight / float(pixels), pixel_loss_.span(),
+                           neighbours_.span(), objective.dL_dimages.normal.span()});
         objective.add(pixel_loss_);
         parallel_for(Device{}, pixels,
                      NormalDepthBody{images.camera, neighbours_.span(), images.depth.span(),

@@ -82,8 +82,8 @@ private:
             Device{}, pixels,
             NormalConsistencyBody{images.camera, images.normal.span(), depth.span(),
                                   images.transmittance.span(), options_.by_coverage,
-                                  share * options_.weight / static_cast<float>(pixels),
-                                  pixel_loss_.span(), neighbours_.span(), dL_dnormal.span()});
+                                  share * options_.weight / float(pixels), pixel_loss_.span(),
+                                  neighbours_.span(), dL_dnormal.span()});
         parallel_for(
             Device{}, pixels,
             NormalDepthBody{images.camera, neighbours_.span(), depth.span(), dL_ddepth.span()});

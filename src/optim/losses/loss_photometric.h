@@ -57,8 +57,7 @@ struct PhotometricOptions {
     /// The share `geometry` at an iteration.
     float geometry_at(int step) const {
         if (geometry_full == 0) return geometry;
-        const float risen =
-            std::min(static_cast<float>(step) / static_cast<float>(geometry_full), 1.0f);
+        const float risen = std::min(float(step) / float(geometry_full), 1.0f);
         return geometry + (1 - geometry) * risen;
     }
 };
@@ -96,7 +95,7 @@ public:
 
     void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         pixel_loss_.resize(in.images.color.size());
-        const int pixels = static_cast<int>(pixel_loss_.size());
+        const int pixels = int(pixel_loss_.size());
         const bool masks = masks_ || has_background();
         ComparedPhoto compared{
             in.images.color.span(), in.view.photo.span(), objective.dL_dimages.color.span(), {}};
@@ -115,7 +114,7 @@ public:
             // Officially exposures are fitted once 1 - SSIM < 0.5. Without an SSIM term, or with
             // held exposures: always.
             const double limit = exposure_.held()   ? INFINITY
-                                 : weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim)
+                                 : weights.ssim > 0 ? 0.5 * double(weights.ssim)
                                                     : 1;
             exposure_.add_l1(in, compared, views_, weights_.l1, ssim_loss_.data(), limit, objective,
                              pixel_loss_.span());
@@ -156,10 +155,10 @@ private:
                {behind.linear(), is_sky ? SkyMap{sky_texels_.data(), sky_->width} : SkyMap{},
                 in.view.camera},
                fills_,
-               coverage_ / static_cast<float>(pixels)};
+               coverage_ / float(pixels)};
         color_.resize(pixels), photo_.resize(3 * pixels), dL_dcolor_.resize(pixels);
         dL_dcolor_.fill_zero();
-        parallel_for(Device{}, static_cast<int>(pixels),
+        parallel_for(Device{}, int(pixels),
                      MaskPhotoBody{by_,
                                    in.images.color.span(),
                                    in.images.transmittance.span(),

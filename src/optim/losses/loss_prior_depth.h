@@ -62,8 +62,7 @@ public:
     /// weight * last_share^((step - start) / (end - start)).
     float weight_at(int step) const {
         if (options_.end <= options_.start) return options_.weight;
-        const float done = static_cast<float>(step - options_.start) /
-                           static_cast<float>(options_.end - options_.start);
+        const float done = float(step - options_.start) / float(options_.end - options_.start);
         return options_.weight * std::pow(options_.last_share, done);
     }
 
@@ -71,12 +70,12 @@ public:
         const Span<const float> prior = prior_values(in.view, prior_map::kDepth);
         if (prior.empty()) return;
         const Buffer<float, Device>& depth = in.images.depth;
-        const int pixels = static_cast<int>(depth.size());
+        const int pixels = int(depth.size());
         pixel_loss_.resize(depth.size());
         parallel_for(
             Device{}, pixels,
             PriorDepthBody{depth.span(), prior, prior_values(in.view, prior_map::kConfidence),
-                           weight_at(in.step) / static_cast<float>(pixels), pixel_loss_.span(),
+                           weight_at(in.step) / float(pixels), pixel_loss_.span(),
                            objective.dL_dimages.depth.span()});
         objective.add(pixel_loss_);
     }

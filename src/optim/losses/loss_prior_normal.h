@@ -58,15 +58,14 @@ public:
         const Span<const float> prior = prior_values(in.view, prior_map::kNormal, 3);
         if (prior.empty()) return;
         const auto& images = in.images;
-        const int pixels = static_cast<int>(images.depth.size());
+        const int pixels = int(images.depth.size());
         pixel_loss_.resize(images.depth.size());
         neighbours_.resize(images.depth.size());
-        parallel_for(
-            Device{}, pixels,
-            PriorNormalBody{images.camera, images.depth.span(), images.transmittance.span(), prior,
-                            prior_values(in.view, prior_map::kConfidence), options_.by_confidence,
-                            options_.weight / static_cast<float>(pixels), pixel_loss_.span(),
-                            neighbours_.span()});
+        parallel_for(Device{}, pixels,
+                     PriorNormalBody{
+                         images.camera, images.depth.span(), images.transmittance.span(), prior,
+                         prior_values(in.view, prior_map::kConfidence), options_.by_confidence,
+                         options_.weight / float(pixels), pixel_loss_.span(), neighbours_.span()});
         objective.add(pixel_loss_);
         parallel_for(Device{}, pixels,
                      NormalDepthBody{images.camera, neighbours_.span(), images.depth.span(),

@@ -73,18 +73,18 @@ public:
         const Span<const float> order = prior_values(in.view, prior_map::kDepthOrder);
         if (order.empty()) return;
         const auto& images = in.images;
-        const int pixels = static_cast<int>(images.depth.size());
+        const int pixels = int(images.depth.size());
         pixel_loss_.resize(images.depth.size());
-        parallel_for(Device{}, pixels,
-                     RelativeDepthBody{
-                         images.width, images.height,
-                         pixel_shift(random4(seed_, RandomStream::depth_pairs,
-                                             static_cast<std::uint64_t>(in.step)),
-                                     kReach),
-                         images.depth.span(), order, prior_values(in.view, prior_map::kConfidence),
-                         options_.dead_zone, options_.min_confidence, 1 / length_unit_,
-                         options_.weight / static_cast<float>(pixels), pixel_loss_.span(),
-                         objective.dL_dimages.depth.span()});
+        parallel_for(
+            Device{}, pixels,
+            RelativeDepthBody{
+                images.width, images.height,
+                pixel_shift(random4(seed_, RandomStream::depth_pairs, std::uint64_t(in.step)),
+                            kReach),
+                images.depth.span(), order, prior_values(in.view, prior_map::kConfidence),
+                options_.dead_zone, options_.min_confidence, 1 / length_unit_,
+                options_.weight / float(pixels), pixel_loss_.span(),
+                objective.dL_dimages.depth.span()});
         objective.add(pixel_loss_);
     }
 

@@ -45,7 +45,7 @@ struct TvNormalBody {
     TVSGS_HD void operator()(int i) const {
         splat_loss[i] = 0;
         if (!part.test(i)) return;
-        const float w = weight / static_cast<float>(*count), cosine = agreement(i);
+        const float w = weight / float(*count), cosine = agreement(i);
         splat_loss[i] = w * (1 - std::abs(cosine));
         const int axis = smallest_axis(agreement.log_scales[i]);
         const Vec3f g = (cosine > 0 ? -w : cosine < 0 ? w : 0.0f) * agreement.voted[i];
@@ -68,7 +68,7 @@ struct TvPositionBody {
     TVSGS_HD void operator()(int i) const {
         splat_loss[i] = 0;
         if (!part.test(i)) return;
-        const float w = weight / static_cast<float>(*count);
+        const float w = weight / float(*count);
         for (int c = 0; c < 3; ++c) {
             const float d = means[i][c] - targets[i][c];
             splat_loss[i] += w * std::abs(d);
@@ -91,7 +91,7 @@ public:
 
     void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
-        if (static_cast<int>(in.field.flags.size()) != n) return;  // no voting event yet
+        if (int(in.field.flags.size()) != n) return;  // no voting event yet
         const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid,
                              in.radii_px, reduction_ == Reduction::visible_mean};
         objective.count.fill_zero();

@@ -17,12 +17,7 @@ struct Lens {
 
 template <class Real>
 Lens<Real> lens(const Camera& c) {
-    return {static_cast<Real>(c.fx_px),
-            static_cast<Real>(c.fy_px),
-            static_cast<Real>(c.cx_px),
-            static_cast<Real>(c.cy_px),
-            c.width_px,
-            c.height_px};
+    return {Real(c.fx_px), Real(c.fy_px), Real(c.cx_px), Real(c.cy_px), c.width_px, c.height_px};
 }
 
 /// Ray with z = 1.
@@ -89,12 +84,11 @@ TVSGS_HD Reprojection<Real> reproject(const ViewPair<Real>& pair,
     if (!(r.there.z > pair.min_depth)) return r;
     const Vec2<Real> q = project(pair.other, r.there) - Vec2<Real>{Real(0.5), Real(0.5)};
     const int w = pair.other.width, h = pair.other.height;
-    if (!(q.x > 0) || !(q.x < static_cast<Real>(w)) || !(q.y > 0) || !(q.y < static_cast<Real>(h)))
-        return r;
+    if (!(q.x > 0) || !(q.x < Real(w)) || !(q.y > 0) || !(q.y < Real(h))) return r;
 
-    const int x0 = static_cast<int>(q.x), y0 = static_cast<int>(q.y);
+    const int x0 = int(q.x), y0 = int(q.y);
     const int x1 = x0 + 1 < w ? x0 + 1 : x0, y1 = y0 + 1 < h ? y0 + 1 : y0;
-    const Real u = q.x - static_cast<Real>(x0), v = q.y - static_cast<Real>(y0);
+    const Real u = q.x - Real(x0), v = q.y - Real(y0);
     r.at[0] = y0 * w + x0, r.at[1] = y0 * w + x1, r.at[2] = y1 * w + x0, r.at[3] = y1 * w + x1;
     r.share[0] = (1 - u) * (1 - v), r.share[1] = u * (1 - v), r.share[2] = (1 - u) * v,
     r.share[3] = u * v;
@@ -154,7 +148,7 @@ TVSGS_HD ImageSample<Real> bilinear(const Image& image, Vec2<Real> q) {
     // Converting NaN or a point far outside to int would be undefined.
     if (!(q.x > -2) || !(q.x < Real(1e6)) || !(q.y > -2) || !(q.y < Real(1e6))) return {0, {0, 0}};
     const Real fx = std::floor(q.x), fy = std::floor(q.y);
-    const int x = static_cast<int>(fx), y = static_cast<int>(fy);
+    const int x = int(fx), y = int(fy);
     const Real u = q.x - fx, v = q.y - fy;
     const Real a = image(x, y), b = image(x + 1, y), c = image(x, y + 1), d = image(x + 1, y + 1);
     const Real top = a + u * (b - a), bottom = c + u * (d - c);
@@ -168,7 +162,7 @@ struct GreyBytes {
 
     TVSGS_HD float operator()(int x, int y) const {
         return x >= 0 && x < width && y >= 0 && y < height
-                   ? static_cast<float>(pixels[y * width + x]) * (1.0f / 255)
+                   ? float(pixels[y * width + x]) * (1.0f / 255)
                    : 0.0f;
     }
 };
@@ -216,7 +210,7 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
     Vec3<Real> slope{}, slope_a{}, slope_b{};  // sums of db/d(plane . ray) x ray, times 1, a, b
     for (int j = -kPatchRadius; j <= kPatchRadius; ++j)
         for (int i = -kPatchRadius; i <= kPatchRadius; ++i) {
-            const Real dx = static_cast<Real>(i), dy = static_cast<Real>(j);
+            const Real dx = Real(i), dy = Real(j);
             const Vec3<Real> p = p0 + dx * px + dy * py;
             if (!(p.z > Real(1e-6))) return score;
             const Real a = bilinear(reference, centre + Vec2<Real>{dx, dy} - shift).value - a0;
@@ -249,7 +243,7 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
 TVSGS_HD inline std::uint32_t permuted(std::uint32_t i, std::uint32_t count, const Random4& key) {
     int bits = 1;
     while (bits < 32 && (std::uint64_t{1} << bits) < count) ++bits;
-    const std::uint32_t mask = static_cast<std::uint32_t>((std::uint64_t{1} << bits) - 1);
+    const std::uint32_t mask = std::uint32_t((std::uint64_t{1} << bits) - 1);
     const int half = (bits + 1) / 2;
     do {
         for (int round = 0; round < 4; ++round) {

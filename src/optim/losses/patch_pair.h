@@ -28,13 +28,13 @@ struct PatchPair {
     }
 
     TVSGS_HD Vec2f centre(int at) const {
-        return {scale.x * (static_cast<float>(at % camera.width_px) + 0.5f),
-                scale.y * (static_cast<float>(at / camera.width_px) + 0.5f)};
+        return {scale.x * (float(at % camera.width_px) + 0.5f),
+                scale.y * (float(at / camera.width_px) + 0.5f)};
     }
     TVSGS_HD static bool in_photo(Vec2f p, const GreyBytes& photo) {
         constexpr float kReach = kPatchRadius + 1;
-        return p.x > kReach && p.x < static_cast<float>(photo.width) - kReach && p.y > kReach &&
-               p.y < static_cast<float>(photo.height) - kReach;
+        return p.x > kReach && p.x < float(photo.width) - kReach && p.y > kReach &&
+               p.y < float(photo.height) - kReach;
     }
 };
 
@@ -46,8 +46,8 @@ PatchPair patch_pair(const RenderedImages<Device>& images,
                      const NeighbourView<Device>& other,
                      PixelCenter pixel_center) {
     const DeviceView<Device>& b = other.view();
-    const Vec2f scale{static_cast<float>(a.grey_width) / static_cast<float>(a.camera.width_px),
-                      static_cast<float>(a.grey_height) / static_cast<float>(a.camera.height_px)};
+    const Vec2f scale{float(a.grey_width) / float(a.camera.width_px),
+                      float(a.grey_height) / float(a.camera.height_px)};
     return {view_pair(scaled_camera(images.camera, a.grey_width, a.grey_height),
                       scaled_camera(other.images().camera, b.grey_width, b.grey_height),
                       other.pair().min_depth),

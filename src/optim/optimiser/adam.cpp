@@ -15,8 +15,7 @@ constexpr int kChunk = 64;  // Gaussians whose gradients stay in the L1 cache
 
 /// One step of coefficient k of Gaussians [begin, end).
 void step_run(const ShAdam& sh, int k, int begin, int end, const Vec3f* dL, const ShScale& scale) {
-    const std::size_t at =
-        static_cast<std::size_t>(k) * sh.stride + static_cast<std::size_t>(begin);
+    const std::size_t at = std::size_t(k) * sh.stride + std::size_t(begin);
     auto* const value = reinterpret_cast<float*>(sh.values + at);
     auto *const m = reinterpret_cast<float*>(sh.m + at), *const v =
                                                              reinterpret_cast<float*>(sh.v + at);
@@ -39,8 +38,7 @@ struct KeepShGradient {
     void operator()(int /*first: 0*/, const Vec3f (&gradient)[kGroup], Vec3f (&values)[kGroup]) {
         for (int k = 0; k < kGroup; ++k) {
             dL[k * kChunk + lane] = gradient[k];
-            values[k] = k < sh.coefficients ? sh.values[static_cast<std::size_t>(k) * sh.stride +
-                                                        static_cast<std::size_t>(i)]
+            values[k] = k < sh.coefficients ? sh.values[std::size_t(k) * sh.stride + std::size_t(i)]
                                             : Vec3f{};
         }
         given = true;

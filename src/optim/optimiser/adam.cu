@@ -21,7 +21,7 @@ template <SplatVjp Vjp>
 __global__ void __launch_bounds__(kThreads, kBlocks)
     step_kernel(int count, Vjp vjp, AdamStep step) {
     if (step.halted != nullptr && *step.halted != 0) return;
-    const int i = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
+    const int i = int(blockIdx.x * kThreads + threadIdx.x);
     if (i >= count) return;
     ShStep<kHarmonics> sh{step.sh, i, step.sh_scale};
     if (step_splat(vjp, step, i, sh)) sh.decay();

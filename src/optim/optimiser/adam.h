@@ -48,9 +48,9 @@ inline constexpr int kParameterGroups = 6;
 
 /// Rate of the means at an iteration, world units.
 inline float position_rate(const AdamOptions& o, int step, float extent) {
-    const double u = std::min(1.0, static_cast<double>(step) / o.position_max_steps);
-    return static_cast<float>(extent * std::pow(static_cast<double>(o.position_start), 1 - u) *
-                              std::pow(static_cast<double>(o.position_end), u));
+    const double u = std::min(1.0, double(step) / o.position_max_steps);
+    return float(extent * std::pow(double(o.position_start), 1 - u) *
+                 std::pow(double(o.position_end), u));
 }
 
 struct AdamBody {
@@ -106,8 +106,7 @@ public:
         if (with_opacity)
             update(opacities, g.opacity_logits, gradients.opacity_logits, m_.opacity_logits,
                    v_.opacity_logits);
-        const std::size_t n = g.means.size(),
-                          used = n * static_cast<std::size_t>(sh_count(sh_degree));
+        const std::size_t n = g.means.size(), used = n * std::size_t(sh_count(sh_degree));
         update_group(sh_dc, 0, n, g.sh, gradients.sh, m_.sh, v_.sh, halted);
         update_group(sh_rest, n, used, g.sh, gradients.sh, m_.sh, v_.sh, halted);
     }
@@ -138,9 +137,7 @@ public:
     }
 
     /// Multiplies the group's rate by `factor` from now on.
-    void lower_rate(ParameterGroup group, float factor) {
-        rate_factors_[static_cast<int>(group)] *= factor;
-    }
+    void lower_rate(ParameterGroup group, float factor) { rate_factors_[int(group)] *= factor; }
 
     void state(StateVisitor<Device>& visit) {
         visit.value("adam.count", count_);
@@ -172,7 +169,7 @@ private:
         // Only scales have a bound; in other groups it would hide infinite values.
         const float least = group == ParameterGroup::scales ? kLeastLogScale : -INFINITY;
         const std::size_t count = (end - begin) * sizeof(T) / sizeof(float);
-        update_parameters(Device{}, static_cast<int>(count),
+        update_parameters(Device{}, int(count),
                           {floats(values.data()),
                            floats(m.data()),
                            floats(v.data()),
@@ -180,7 +177,7 @@ private:
                            {rate(group), root_},
                            least,
                            supported,
-                           static_cast<int>(sizeof(T) / sizeof(float))},
+                           int(sizeof(T) / sizeof(float))},
                           halted);
     }
 
@@ -194,7 +191,7 @@ private:
         using enum ParameterGroup;
         if (!(options_.supported > 0) || g.uncertainty.empty()) return {};
         const auto scaled = [&](float own, ParameterGroup group) {
-            const float factor = rate_factors_[static_cast<int>(group)];
+            const float factor = rate_factors_[int(group)];
             return adam_scale(options_.supported * own * factor, count_).step;
         };
         // A rate of 0 of the others holds them still and has no decay.
@@ -210,7 +207,7 @@ private:
     float rate(ParameterGroup group) const {
         const float rates[] = {position_rate_,   options_.scale, options_.rotation,
                                options_.opacity, options_.sh_dc, options_.sh_rest};
-        const auto i = static_cast<std::size_t>(group);
+        const auto i = std::size_t(group);
         return adam_scale(rates[i] * rate_factors_[i], count_).step;
     }
 

@@ -16,8 +16,8 @@ inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999, kAdamEps = 1e-15;
 
 /// Bias corrections of step t; t counts from 1.
 inline AdamScale adam_scale(float rate, int t) {
-    return {static_cast<float>(static_cast<double>(rate) / (1 - std::pow(kAdamBeta1, t))),
-            static_cast<float>(1 / std::sqrt(1 - std::pow(kAdamBeta2, t)))};
+    return {float(double(rate) / (1 - std::pow(kAdamBeta1, t))),
+            float(1 / std::sqrt(1 - std::pow(kAdamBeta2, t)))};
 }
 
 /// One Adam step of one number; updates the moments in place and returns the new value. All kernels
@@ -52,8 +52,7 @@ struct ShAdam {
         Group<kGroup> g;
         const auto get = [&](const Vec3f* from, int k, float* to) {
             const bool there = first + k < coefficients;
-            const Vec3f c =
-                there ? from[static_cast<std::size_t>(first + k) * stride + i] : Vec3f{};
+            const Vec3f c = there ? from[std::size_t(first + k) * stride + i] : Vec3f{};
             to[3 * k] = c.x, to[3 * k + 1] = c.y, to[3 * k + 2] = c.z;
         };
         for (int k = 0; k < kGroup; ++k) get(values, k, g.value), get(m, k, g.m), get(v, k, g.v);
@@ -62,8 +61,8 @@ struct ShAdam {
     template <int kGroup>
     TVSGS_HD void store(int i, int first, const Group<kGroup>& g) const {
         const auto put = [&](const float* from, int k, Vec3f* to) {
-            to[static_cast<std::size_t>(first + k) * stride + i] = {from[3 * k], from[3 * k + 1],
-                                                                    from[3 * k + 2]};
+            to[std::size_t(first + k) * stride + i] = {from[3 * k], from[3 * k + 1],
+                                                       from[3 * k + 2]};
         };
         for (int k = 0; k < kGroup; ++k) {
             if (first + k >= coefficients) break;

@@ -35,12 +35,10 @@ Sym6 image_metric(const Camera& c, double f, double depth) {
     constexpr int kSteps = 5;
     for (const double z : {0.8 * depth, depth, 1.25 * depth})
         for (int i = 0; i < kSteps * kSteps; ++i) {
-            const double u = ((i % kSteps + 0.5) / kSteps * c.width_px -
-                              static_cast<double>(c.cx_px)) /
-                             static_cast<double>(c.fx_px),
-                         v = ((i / kSteps + 0.5) / kSteps * c.height_px -
-                              static_cast<double>(c.cy_px)) /
-                             static_cast<double>(c.fy_px);
+            const double u = ((i % kSteps + 0.5) / kSteps * c.width_px - double(c.cx_px)) /
+                             double(c.fx_px),
+                         v = ((i / kSteps + 0.5) / kSteps * c.height_px - double(c.cy_px)) /
+                             double(c.fy_px);
             double x[6], y[6];
             for (int k = 0; k < 6; ++k) {
                 Vec3d e{};
@@ -68,7 +66,7 @@ CameraRefinement::CameraRefinement(const Scene& scene, const CameraOptions& opti
     for (const View& view : scene.train) {
         const Camera& c = view.camera;
         given_.push_back(c);
-        const double f = 0.5 * (static_cast<double>(c.fx_px) + static_cast<double>(c.fy_px));
+        const double f = 0.5 * (double(c.fx_px) + double(c.fy_px));
         const std::vector<Vec3f>& points = scene.points.positions;
         const double depth =
             depth_of_view(c, points, std::max<std::size_t>(1, points.size() / kPoints));
@@ -92,7 +90,7 @@ void CameraRefinement::find_gauge() {
     };
     Vec3d middle;
     for (const Camera& c : given_) middle += vec_cast<double>(camera_centre(c));
-    middle = middle / static_cast<double>(given_.size());
+    middle = middle / double(given_.size());
     // A rotation W, a translation V and a scaling s of the world about `middle` are, in the frame
     // of a camera, a rotation by -R W and a translation by R W x t - R V + s t.
     for (int k = 0; k < 7; ++k) {
@@ -123,7 +121,7 @@ void CameraRefinement::find_gauge() {
 
 void CameraRefinement::place() {
     for (int i = 0; i < views(); ++i) {
-        const auto at = static_cast<std::size_t>(i);
+        const auto at = std::size_t(i);
         const Camera& from = given_[at];
         const auto [f, depth] = scale_[at];
         const Rigid3d moved =
@@ -138,7 +136,7 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
     const std::size_t n = parameters();
     std::vector<double> by(n, 0);
     for (int i = 0; i < views(); ++i) {
-        const auto at = static_cast<std::size_t>(i);
+        const auto at = std::size_t(i);
         const double* const g = gradients.data() + kCameraParameters * i;
         if (!std::all_of(g, g + kCameraParameters, [](double v) { return std::isfinite(v); }))
             continue;  // the splats are not finite either, and the training rolls back
@@ -152,14 +150,14 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
     const double count = ++numbers_[3 * n];
     const double correct1 = 1 - std::pow(kBeta1, count), correct2 = 1 - std::pow(kBeta2, count);
     for (std::size_t k = 0; k < n; ++k) {
-        by[k] += static_cast<double>(options_.prior) * x[k];
+        by[k] += double(options_.prior) * x[k];
         m[k] = kBeta1 * m[k] + (1 - kBeta1) * by[k];
         v[k] = kBeta2 * v[k] + (1 - kBeta2) * by[k] * by[k];
         x[k] -= rate * (m[k] / correct1) / (std::sqrt(v[k] / correct2) + kEps);
     }
     for (std::size_t g = 0; g < gauge_.size(); g += 2)
         add_scaled(x, -dot_of(gauge_[g + 1], x), gauge_[g]);
-    const double most = static_cast<double>(options_.bound_px);
+    const double most = double(options_.bound_px);
     for (int i = 0; i < views(); ++i) shorten(motion(i), most), shorten(motion(i) + 3, most);
     place();
 }

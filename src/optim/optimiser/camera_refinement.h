@@ -43,7 +43,7 @@ class CameraRefinement {
 public:
     CameraRefinement(const Scene& scene, const CameraOptions& options);
 
-    int views() const { return static_cast<int>(given_.size()); }
+    int views() const { return int(given_.size()); }
 
     /// Takes a step along `gradients` [views kCameraParameters], laid out as CameraGradient; those
     /// of a view count as 0 unless all are finite. Removes the motion that all views share: a
@@ -84,7 +84,7 @@ public:
     TrainedCameras(const Scene& scene, const CameraOptions& options) : options_(options) {
         if (!options.refine) return;
         refined_.emplace(scene, options);
-        gradients_.resize(static_cast<std::size_t>(kCameraParameters * refined_->views()));
+        gradients_.resize(std::size_t(kCameraParameters * refined_->views()));
         gradients_.fill_zero();
     }
 
@@ -98,9 +98,8 @@ public:
     void step_done(int step, int iterations) {
         if (!active(step) || step % refined_->views() != 0 || step >= iterations) return;
         const double all = iterations - options_.start + 1, left = (iterations - step) / all;
-        const double reach = 2 * static_cast<double>(options_.bound_px) * refined_->views() / all;
-        refined_->step(to_host(gradients_),
-                       std::min(static_cast<double>(options_.rate), reach) * left);
+        const double reach = 2 * double(options_.bound_px) * refined_->views() / all;
+        refined_->step(to_host(gradients_), std::min(double(options_.rate), reach) * left);
         gradients_.fill_zero();
         moved_ = true;
     }

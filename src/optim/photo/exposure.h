@@ -70,7 +70,7 @@ struct ExposureL1Body {
     TVSGS_HD void operator()(int i) const {
         // Pixels that a mask replaced have no exposure.
         const bool on = gate.open() && (compared.mask.empty() || is_inside(compared.mask[i]));
-        const Vec3f photo_i = detail::photo_pixel(compared.photo.data, static_cast<std::size_t>(i)),
+        const Vec3f photo_i = detail::photo_pixel(compared.photo.data, std::size_t(i)),
                     color = compared.color[i], shown = on ? exposed(exposure->value, color) : color;
         Vec3f g;
         float loss = 0;
@@ -85,8 +85,7 @@ struct ExposureL1Body {
         compared.dL_dcolor[i] += vjp.dL_dcolor;
         const std::size_t pixels = compared.color.size();
         for (int k = 0; k < kExposureValues; ++k)
-            dL_dvalues[static_cast<std::size_t>(k) * pixels + static_cast<std::size_t>(i)] =
-                vjp.dL_dvalues[k];
+            dL_dvalues[std::size_t(k) * pixels + std::size_t(i)] = vjp.dL_dvalues[k];
     }
 };
 
@@ -108,10 +107,10 @@ struct ExposureStepBody {
         if (!(gradient[kExposureValues] > 0)) return;
         ExposureState& s = states[i];
         ++s.steps;
-        const float t = static_cast<float>(s.steps);
+        const float t = float(s.steps);
         const float correction1 = 1 - std::pow(0.9f, t), correction2 = 1 - std::pow(0.99f, t);
         for (int k = 0; k < kExposureValues; ++k) {
-            const float g = i == current ? static_cast<float>(gradient[k]) : 0;
+            const float g = i == current ? float(gradient[k]) : 0;
             s.m[k] = 0.9f * s.m[k] + 0.1f * g;
             s.v[k] = 0.99f * s.v[k] + 0.01f * g * g;
             s.value[k] -=
@@ -153,13 +152,13 @@ public:
         per_pixel_.resize(kExposureValues * pixels);
         const ExposureGate gate{ssim_loss, limit};
         const ExposureState* const own = states_.data() + in.view.index;
-        parallel_for(Device{}, static_cast<int>(pixels),
-                     ExposureL1Body{compared, own, gate, weight / (3 * static_cast<float>(pixels)),
-                                    pixel_loss, per_pixel_.span()});
+        parallel_for(Device{}, int(pixels),
+                     ExposureL1Body{compared, own, gate, weight / (3 * float(pixels)), pixel_loss,
+                                    per_pixel_.span()});
         if (held_) return;
         for (int k = 0; k < kExposureValues; ++k) {
-            const float* const of_value = per_pixel_.data() + static_cast<std::size_t>(k) * pixels;
-            add_sum(Device{}, static_cast<int>(pixels), ReadValue{{of_value, pixels}}, 1,
+            const float* const of_value = per_pixel_.data() + std::size_t(k) * pixels;
+            add_sum(Device{}, int(pixels), ReadValue{{of_value, pixels}}, 1,
                     objective.partial.span(), gradient_.data() + k);
         }
         parallel_for(Device{}, 1, ExposureOpenBody{gradient_.data(), gate});
@@ -186,7 +185,7 @@ public:
 
 private:
     void require_states(int views) {
-        if (static_cast<int>(states_.size()) == views) return;
+        if (int(states_.size()) == views) return;
         if (held_)
             throw Error(ExitCode::usage, "loss.photometric.exposure_from: has exposures of ",
                         states_.size(), " views, expected ", views);

@@ -30,14 +30,13 @@ struct PhotoBackground {
     PhotoBackground at(std::uint64_t seed, int step) const {
         PhotoBackground here = *this;
         if (kind != Kind::random) return here;
-        const Random4 r = random4(seed, RandomStream::background, static_cast<std::uint64_t>(step));
-        for (int c = 0; c < 3; ++c) here.color[c] = static_cast<std::uint8_t>(r.v[c] >> 24);
+        const Random4 r = random4(seed, RandomStream::background, std::uint64_t(step));
+        for (int c = 0; c < 3; ++c) here.color[c] = std::uint8_t(r.v[c] >> 24);
         return here;
     }
     /// Colour from 0 to 1, in the same encoding as photographs.
     Vec3f linear() const {
-        return {static_cast<float>(color[0]) / 255, static_cast<float>(color[1]) / 255,
-                static_cast<float>(color[2]) / 255};
+        return {float(color[0]) / 255, float(color[1]) / 255, float(color[2]) / 255};
     }
     bool black() const { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
 };

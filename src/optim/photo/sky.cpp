@@ -37,9 +37,9 @@ struct Small {
           height(view.camera.height_px / block),
           light(measure_light(view.photo).share),
           camera(view.camera),
-          grey(static_cast<std::size_t>(width) * height),
+          grey(std::size_t(width) * height),
           is(grey.size(), 1) {
-        const auto by = static_cast<float>(block);
+        const auto by = float(block);
         camera.width_px = width, camera.height_px = height;
         camera.fx_px /= by, camera.fy_px /= by, camera.cx_px /= by, camera.cy_px /= by;
         for (int y = 0; y < height; ++y)
@@ -48,7 +48,7 @@ struct Small {
 
 private:
     void fill(const View& view, bool masks, int x, int y) {
-        const auto i = static_cast<std::size_t>(y * width + x);
+        const auto i = std::size_t(y * width + x);
         int sum = 0;
         for (int v = y * block; v < (y + 1) * block; ++v)
             for (int u = x * block; u < (x + 1) * block; ++u) {
@@ -57,7 +57,7 @@ private:
                 const int mask = view.mask.at(u, v);
                 if (mask == kNoPhoto || (masks && mask < kObjectMask)) is[i] = 0;
             }
-        grey[i] = static_cast<float>(sum) / static_cast<float>(255 * block * block);
+        grey[i] = float(sum) / float(255 * block * block);
     }
 };
 
@@ -65,16 +65,14 @@ private:
 class WindowSums {
 public:
     WindowSums(int width, int height)
-        : width_(width),
-          height_(height),
-          sums_(static_cast<std::size_t>(width + 1) * static_cast<std::size_t>(height + 1)) {}
+        : width_(width), height_(height), sums_(std::size_t(width + 1) * std::size_t(height + 1)) {}
 
     template <class Value>
     void fill(const Value& value) {
         for (int y = 0; y < height_; ++y) {
             double row = 0;
             for (int x = 0; x < width_; ++x) {
-                row += value(static_cast<std::size_t>(y * width_ + x));
+                row += value(std::size_t(y * width_ + x));
                 at(x + 1, y + 1) = at(x + 1, y) + row;
             }
         }
@@ -102,15 +100,14 @@ std::vector<float> seen_far_away(const Small& view, const Small& other) {
             if (!(d.z > 0)) continue;
             const float u = c.fx_px * d.x / d.z + c.cx_px - 0.5f,
                         v = c.fy_px * d.y / d.z + c.cy_px - 0.5f;
-            if (!(u >= 0) || !(v >= 0) || !(u < static_cast<float>(other.width - 1)) ||
-                !(v < static_cast<float>(other.height - 1)))
+            if (!(u >= 0) || !(v >= 0) || !(u < float(other.width - 1)) ||
+                !(v < float(other.height - 1)))
                 continue;
-            const int left = static_cast<int>(u), top = static_cast<int>(v);
-            const float right = u - static_cast<float>(left), below = v - static_cast<float>(top);
+            const int left = int(u), top = int(v);
+            const float right = u - float(left), below = v - float(top);
             float sum = 0;
             for (int i = 0; i < 4; ++i) {
-                const auto at =
-                    static_cast<std::size_t>((top + i / 2) * other.width + left + i % 2);
+                const auto at = std::size_t((top + i / 2) * other.width + left + i % 2);
                 sum += (i % 2 ? right : 1 - right) * (i / 2 ? below : 1 - below) *
                        (other.is[at] ? other.grey[at] : NAN);
             }
@@ -208,8 +205,7 @@ private:
     template <class Visit>
     void for_blocks(const Visit& visit) const {
         for (int y = 0; y < view_.height; ++y)
-            for (int x = 0; x < view_.width; ++x)
-                visit(static_cast<std::size_t>(y * view_.width + x), x, y);
+            for (int x = 0; x < view_.width; ++x) visit(std::size_t(y * view_.width + x), x, y);
     }
     static double deviation(WindowSums& sum, WindowSums& squares, double n, int x, int y) {
         const double mean = sum.around(x, y) / n;
@@ -261,24 +257,22 @@ struct Texel {
 void fill_gaps(std::vector<Texel>& texels, int size) {
     if (size == 1) return;
     const int half = size / 2;
-    std::vector<Texel> coarse(static_cast<std::size_t>(half) * half);
+    std::vector<Texel> coarse(std::size_t(half) * half);
     parallel_for_heavy(Cpu{}, half, [&](int y) {
         for (int x = 0; x < half; ++x) {
             Texel sum;
             for (int i = 0; i < 4; ++i) {
-                const Texel& t =
-                    texels[static_cast<std::size_t>(2 * y + i / 2) * size + 2 * x + i % 2];
+                const Texel& t = texels[std::size_t(2 * y + i / 2) * size + 2 * x + i % 2];
                 sum.color += t.color, sum.weight += t.weight;
             }
             const float share = sum.weight > 1 ? 1 / sum.weight : 1;
-            coarse[static_cast<std::size_t>(y) * half + x] = {share * sum.color,
-                                                              share * sum.weight};
+            coarse[std::size_t(y) * half + x] = {share * sum.color, share * sum.weight};
         }
     });
     fill_gaps(coarse, half);
     parallel_for_heavy(Cpu{}, size, [&](int y) {
         for (int x = 0; x < size; ++x) {
-            Texel& t = texels[static_cast<std::size_t>(y) * size + x];
+            Texel& t = texels[std::size_t(y) * size + x];
             if (!(t.weight < 1)) continue;
             // Three quarters of the texel of the parent, one quarter of its neighbours.
             Texel around;
@@ -316,8 +310,8 @@ SkyDetection detect_sky(const std::vector<View>& views,
     SkyDetection look;
     look.views.resize(views.size());
     std::vector<std::array<std::ptrdiff_t, 3>> counts(views.size());
-    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int number) {
-        const auto v = static_cast<std::size_t>(number);
+    parallel_for_heavy(Cpu{}, int(views.size()), [&](int number) {
+        const auto v = std::size_t(number);
         const std::vector<Sighting> seen = sightings(views[v].camera, points, 1);
         std::vector<double> depths;
         for (const Sighting& s : seen) depths.push_back(s.depth);
@@ -330,7 +324,7 @@ SkyDetection detect_sky(const std::vector<View>& views,
     });
     std::array<double, 3> sums{};
     for (const auto& of : counts)
-        for (std::size_t i = 0; i < 3; ++i) sums[i] += static_cast<double>(of[i]);
+        for (std::size_t i = 0; i < 3; ++i) sums[i] += double(of[i]);
     if (sums[1] >= kLeastSeen * sums[0]) look.share = sums[2] / sums[1];
     return look;
 }
@@ -361,18 +355,17 @@ std::vector<std::size_t> points_outside_sky(const std::vector<View>& views,
 ImageU8 make_sky(const std::vector<View>& views, const SkyDetection& look) {
     constexpr double kSamples = 5e7;  // number of pixels read
     const int size = sky_size(views);
-    std::vector<Texel> texels(static_cast<std::size_t>(size) * size);
+    std::vector<Texel> texels(std::size_t(size) * size);
     double pixels = 0;
-    for (const View& view : views)
-        pixels += static_cast<double>(view.camera.width_px) * view.camera.height_px;
-    const int step = std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / kSamples))));
+    for (const View& view : views) pixels += double(view.camera.width_px) * view.camera.height_px;
+    const int step = std::max(1, int(std::ceil(std::sqrt(pixels / kSamples))));
     std::vector<std::uint8_t> known(texels.size());
     const auto add = [&](const View& view, int x, int y) {
         Vec3f color;
-        for (int c = 0; c < 3; ++c) color[c] = static_cast<float>(view.photo.at(x, y, c));
+        for (int c = 0; c < 3; ++c) color[c] = float(view.photo.at(x, y, c));
         const SkyTexels around = texels_around(world_direction(view.camera, x, y), size);
         for (int i = 0; i < 4; ++i) {
-            const auto at = static_cast<std::size_t>(around.index[i]);
+            const auto at = std::size_t(around.index[i]);
             if (known[at]) continue;
             texels[at].color += around.weight[i] * color;
             texels[at].weight += around.weight[i];
@@ -391,8 +384,8 @@ ImageU8 make_sky(const std::vector<View>& views, const SkyDetection& look) {
     ImageU8 sky(size, size, 3);
     for (std::size_t i = 0; i < texels.size(); ++i)
         for (int c = 0; c < 3; ++c)
-            sky.pixels[3 * i + static_cast<std::size_t>(c)] =
-                static_cast<std::uint8_t>(std::clamp(texels[i].color[c] + 0.5f, 0.0f, 255.0f));
+            sky.pixels[3 * i + std::size_t(c)] =
+                std::uint8_t(std::clamp(texels[i].color[c] + 0.5f, 0.0f, 255.0f));
     return sky;
 }
 

@@ -28,7 +28,7 @@ TVSGS_HD inline float color_difference(const std::uint8_t* photo, int p, int q) 
         const int d = photo[3 * p + c] - photo[3 * q + c];
         sum += d < 0 ? -d : d;
     }
-    return static_cast<float>(sum) / (3 * 255);
+    return float(sum) / (3 * 255);
 }
 
 /// Edge strength of an interior pixel: the larger central difference of both axes, 0 to 1.

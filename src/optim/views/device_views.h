@@ -22,14 +22,12 @@ namespace detail {
 struct UnitFloatsBody {
     Span<const std::uint8_t> bytes;
     Span<float> out;
-    TVSGS_HD void operator()(int i) const { out[i] = static_cast<float>(bytes[i]) / 255; }
+    TVSGS_HD void operator()(int i) const { out[i] = float(bytes[i]) / 255; }
 };
 struct GreyBody {
     Span<const std::uint8_t> rgb;
     Span<std::uint8_t> out;
-    TVSGS_HD void operator()(int i) const {
-        out[i] = grey_of(rgb.data + 3 * static_cast<std::size_t>(i));
-    }
+    TVSGS_HD void operator()(int i) const { out[i] = grey_of(rgb.data + 3 * std::size_t(i)); }
 };
 
 }  // namespace detail
@@ -45,7 +43,7 @@ public:
         std::size_t bytes = 0;
         std::vector<std::size_t> most;  // of each array
         for (std::size_t i = 0; i < views.size(); ++i) {
-            views_[i].index = static_cast<int>(i);
+            views_[i].index = int(i);
             describe(views[i], needs, views_[i], hosts_[i]);
             const Host& arrays = hosts_[i];
             most.resize(arrays.size());
@@ -54,8 +52,8 @@ public:
                 bytes += there, most[a] = std::max(most[a], there);
             }
         }
-        if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) ||
-            views.size() <= static_cast<std::size_t>(views_in_use(needs))) {
+        if (budget <= 0 || bytes <= std::size_t(budget) ||
+            views.size() <= std::size_t(views_in_use(needs))) {
             Buffer<std::uint8_t, Device> raw;
             for (std::size_t i = 0; i < views.size(); ++i)
                 for_each_buffer(views_[i], [&](std::size_t a, auto& buffer) {
@@ -144,14 +142,12 @@ private:
     static void make(Span<const std::uint8_t> raw,
                      const DeviceView<Device>& /*view*/,
                      Buffer<float, Device>& out) {
-        parallel_for(Device{}, static_cast<int>(out.size()),
-                     detail::UnitFloatsBody{raw, out.span()});
+        parallel_for(Device{}, int(out.size()), detail::UnitFloatsBody{raw, out.span()});
     }
     static void make(Span<const std::uint8_t> /*raw*/,
                      const DeviceView<Device>& view,
                      Buffer<std::uint8_t, Device>& out) {
-        parallel_for(Device{}, static_cast<int>(out.size()),
-                     detail::GreyBody{view.photo.span(), out.span()});
+        parallel_for(Device{}, int(out.size()), detail::GreyBody{view.photo.span(), out.span()});
     }
 
     /// Calls visit(number, buffer) for each buffer that is filled from the host.

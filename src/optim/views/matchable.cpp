@@ -14,7 +14,7 @@ namespace tvsgs {
 
 double lower_median(std::vector<double>& values) {
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
+    const auto middle = values.begin() + std::ptrdiff_t((values.size() - 1) / 2);
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
 }
@@ -26,10 +26,10 @@ std::vector<Sighting> sightings(const Camera& camera,
     for (std::size_t i = 0; i < points.size(); i += stride) {
         if (!is_in_view(camera, points[i])) continue;
         const Vec3f p = camera.camera_from_world * points[i];
-        const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
-                  y = static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px);
-        seen.push_back({std::min(x, camera.width_px - 1), std::min(y, camera.height_px - 1),
-                        static_cast<double>(p.z), i});
+        const int x = int(camera.fx_px * p.x / p.z + camera.cx_px),
+                  y = int(camera.fy_px * p.y / p.z + camera.cy_px);
+        seen.push_back(
+            {std::min(x, camera.width_px - 1), std::min(y, camera.height_px - 1), double(p.z), i});
     }
     return seen;
 }
@@ -49,7 +49,7 @@ double depth_of_view(const Camera& camera, const std::vector<Vec3f>& points, std
     }
     std::vector<double>& depths = seen.empty() ? before : seen;
     if (depths.empty()) return 0;
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
     std::nth_element(depths.begin(), middle, depths.end());
     return *middle;
 }
@@ -71,7 +71,7 @@ Matchable::Matchable(const View& view,
     std::vector<Vec3f> corners;
     for (const int x : {-1, own.width_px})
         for (const int y : {-1, own.height_px})
-            corners.push_back(world * (static_cast<float>(depth) * pixel_ray(own, x, y)));
+            corners.push_back(world * (float(depth) * pixel_ray(own, x, y)));
     for (const View& other : views)
         if (&other != &view && !ViewFrustum(other.camera).misses(corners))
             others_.push_back(&other.camera);
@@ -79,11 +79,11 @@ Matchable::Matchable(const View& view,
 
 double Matchable::share() const {
     constexpr double kSample = 20000;  // pixels
-    const int step = std::max(1, static_cast<int>(std::sqrt(pixels() / kSample)));
+    const int step = std::max(1, int(std::sqrt(pixels() / kSample)));
     int all = 0, good = 0;
     for (int y = step / 2; y < view_.photo.height; y += step)
         for (int x = step / 2; x < view_.photo.width; x += step) ++all, good += at(x, y);
-    return all > 0 ? static_cast<double>(good) / all : 0;
+    return all > 0 ? double(good) / all : 0;
 }
 
 bool Matchable::is_textured(int x, int y) const {
@@ -111,7 +111,7 @@ bool Matchable::is_textured(int x, int y) const {
 bool Matchable::is_in_other_view(int x, int y) const {
     if (!(depth_ > 0)) return true;
     const Rigid3f world = inverse(view_.camera.camera_from_world);
-    const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));
+    const Vec3f point = world * (float(depth_) * pixel_ray(view_.camera, x, y));
     return std::ranges::any_of(others_,
                                [&](const Camera* other) { return is_in_view(*other, point); });
 }
@@ -126,8 +126,8 @@ public:
     Blocks(const View& view, const std::vector<Sighting>& seen, const Matchable& could_match)
         : width_((view.camera.width_px + kSide - 1) / kSide),
           height_((view.camera.height_px + kSide - 1) / kSide) {
-        std::vector<double> matchable(static_cast<std::size_t>(width_ * height_)),
-            points(matchable.size()), covered(matchable.size());
+        std::vector<double> matchable(std::size_t(width_ * height_)), points(matchable.size()),
+            covered(matchable.size());
         parallel_for_heavy(Cpu{}, width_ * height_, [&](int block) {
             constexpr int kStep = kSide / kSamples;
             int good = 0;
@@ -153,7 +153,7 @@ public:
 
 private:
     std::size_t index(const Sighting& s) const {
-        return static_cast<std::size_t>(s.y / kSide * width_ + s.x / kSide);
+        return std::size_t(s.y / kSide * width_ + s.x / kSide);
     }
 
     /// Largest value among the blocks at most `reach` away, per block.
@@ -179,18 +179,18 @@ std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks) {
     std::vector<float> open(points.size(), 0);
-    Progress progress("gaps of the start cloud", static_cast<double>(views.size()));
+    Progress progress("gaps of the start cloud", double(views.size()));
     for (const View& view : views) {
         progress.advance();
         const std::vector<Sighting> seen = sightings(view.camera, points, 1);
         const Blocks blocks(view, seen, Matchable(view, views, masks, median_depth(seen)));
         for (const Sighting& s : seen)
-            open[s.point] = std::max(open[s.point], static_cast<float>(blocks.open(s)));
+            open[s.point] = std::max(open[s.point], float(blocks.open(s)));
     }
     const auto beside = std::ranges::count_if(open, [](float o) { return o > 0; });
     if (!open.empty())
         spdlog::info("Growth: {:.1f} % of the first splats lie beside gaps of the start cloud",
-                     100.0 * static_cast<double>(beside) / static_cast<double>(open.size()));
+                     100.0 * double(beside) / double(open.size()));
     return open;
 }
 

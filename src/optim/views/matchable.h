@@ -58,9 +58,7 @@ public:
     /// Share of matchable pixels, estimated from a sample.
     double share() const;
 
-    double pixels() const {
-        return static_cast<double>(view_.camera.width_px) * view_.camera.height_px;
-    }
+    double pixels() const { return double(view_.camera.width_px) * view_.camera.height_px; }
 
 private:
     bool is_textured(int x, int y) const;

@@ -47,8 +47,7 @@ struct ResolveDepthBody {
 
     TVSGS_HD void operator()(int at) const {
         if (fixed[at] == 0) return;
-        dL_ddepth[at] += static_cast<float>(static_cast<double>(fixed[at]) * unit / *scale /
-                                            static_cast<double>(depth[at]));
+        dL_ddepth[at] += float(double(fixed[at]) * unit / *scale / double(depth[at]));
     }
 };
 
@@ -78,7 +77,7 @@ public:
         }
         pair_ = view_pair(reference.camera, images_->camera, min_depth);
         weight_.resize(reference.depth.size()), valid_.resize(reference.depth.size());
-        const int pixels = static_cast<int>(reference.depth.size());
+        const int pixels = int(reference.depth.size());
         parallel_for(Device{}, pixels,
                      CompareBody{pair_, reference.camera, reference.depth.span(),
                                  images_->depth.span(), weight_.span(), valid_.span()});
@@ -118,7 +117,7 @@ public:
             dL_dimages_.depth.resize(pixels);
             dL_dimages_.depth.fill_zero();
         }
-        parallel_for(Device{}, static_cast<int>(pixels),
+        parallel_for(Device{}, int(pixels),
                      ResolveDepthBody{fixed_.span(), weight / kFixedUnit, count,
                                       images_->depth.span(), dL_dimages_.depth.span()});
     }
@@ -161,14 +160,12 @@ public:
     /// Neighbour views of `reference` at iteration `step`, all different, as far as it has pairs.
     std::vector<int> choose(int step, int reference) const {
         std::vector<int> left = pairs_.of_view[reference], chosen;
-        const Random4 draws =
-            random4(seed_, RandomStream::neighbour_views, static_cast<std::uint64_t>(step));
+        const Random4 draws = random4(seed_, RandomStream::neighbour_views, std::uint64_t(step));
         for (std::size_t i = 0; i < others_.size() && !left.empty(); ++i) {
             const float draw = uniform(draws.v[i]);
-            const auto at = std::min(
-                static_cast<std::size_t>(draw * static_cast<float>(left.size())), left.size() - 1);
+            const auto at = std::min(std::size_t(draw * float(left.size())), left.size() - 1);
             chosen.push_back(left[at]);
-            left.erase(left.begin() + static_cast<std::ptrdiff_t>(at));
+            left.erase(left.begin() + std::ptrdiff_t(at));
         }
         return chosen;
     }

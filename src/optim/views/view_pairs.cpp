@@ -31,7 +31,7 @@ struct Others {
 
     Others(const std::vector<Stand>& stands, int i, double unit, double low, double high) {
         const Stand& own = stands[i];
-        for (int j = 0; j < static_cast<int>(stands.size()); ++j) {
+        for (int j = 0; j < int(stands.size()); ++j) {
             if (j == i) continue;
             const Stand& other = stands[j];
             const double distance = norm(other.centre - own.centre) / unit;
@@ -56,8 +56,8 @@ struct Found {
 
 Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
     const bool relative = options.limits == PairLimits::relative;
-    const double low = static_cast<double>(relative ? options.min_baseline : options.min_distance),
-                 high = static_cast<double>(relative ? options.max_baseline : options.max_distance);
+    const double low = double(relative ? options.min_baseline : options.min_distance),
+                 high = double(relative ? options.max_baseline : options.max_distance);
     Found found;
     ViewPairs& result = found.result;
     result.of_view.resize(scene.train.size());
@@ -70,7 +70,7 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
     std::vector<Stand> stands;
     for (const View& view : scene.train)
         stands.push_back({optical_axis(view.camera), vec_cast<double>(camera_centre(view.camera))});
-    for (int i = 0; i < static_cast<int>(scene.train.size()); ++i) {
+    for (int i = 0; i < int(scene.train.size()); ++i) {
         const double unit = depths[i];
         std::vector<int>& chosen = result.of_view[i];
         if (!(unit > 0)) {
@@ -80,8 +80,7 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
         const Others others(stands, i, unit, low, high);
         const auto choose_within = [&](float angle_deg) {
             for (const Candidate& c : others.within)
-                if (static_cast<int>(chosen.size()) < options.count &&
-                    c.angle_deg < static_cast<double>(angle_deg))
+                if (int(chosen.size()) < options.count && c.angle_deg < double(angle_deg))
                     chosen.push_back(c.view);
         };
         choose_within(options.max_angle_deg);
@@ -100,7 +99,7 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
         std::vector<double> known = depths;
         std::erase_if(known, [](double d) { return !(d > 0); });
         std::ranges::sort(known);
-        result.min_depth = known.empty() ? 0 : static_cast<float>(known[known.size() / 2] / 30);
+        result.min_depth = known.empty() ? 0 : float(known[known.size() / 2] / 30);
     }
     return found;
 }
@@ -108,28 +107,27 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
 }  // namespace
 
 double share_with_pair(const Scene& scene, const ViewPairOptions& options) {
-    return 1 - find_view_pairs(scene, options).lonely / static_cast<double>(scene.train.size());
+    return 1 - find_view_pairs(scene, options).lonely / double(scene.train.size());
 }
 
 ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, bool quiet) {
     const bool relative = options.limits == PairLimits::relative;
-    const int views = static_cast<int>(scene.train.size());
+    const int views = int(scene.train.size());
     const Found found = find_view_pairs(scene, options);
     if (quiet) return found.result;
     const char* unit = relative ? "depths" : "world units";
     if (found.lonely == 0) {
         std::size_t pairs = 0;
         for (const auto& chosen : found.result.of_view) pairs += chosen.size();
-        spdlog::debug("Each photograph is compared with {:.1f} others",
-                      static_cast<double>(pairs) / views);
+        spdlog::debug("Each photograph is compared with {:.1f} others", double(pairs) / views);
     } else {
         spdlog::warn(
             "Multi-view losses are off for {} of {} training views: no other view within {:.4g} "
             "degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
             found.lonely, views,
-            static_cast<double>(std::max(options.max_angle_deg, options.fallback_angle_deg)),
-            static_cast<double>(relative ? options.min_baseline : options.min_distance),
-            static_cast<double>(relative ? options.max_baseline : options.max_distance), unit,
+            double(std::max(options.max_angle_deg, options.fallback_angle_deg)),
+            double(relative ? options.min_baseline : options.min_distance),
+            double(relative ? options.max_baseline : options.max_distance), unit,
             relative ? "relative" : "official",
             found.without_depth > 0 ? "; some see no start point, so their depth is unknown" : "",
             relative ? "" : "; for limits in depths set loss.multi_view.limits=relative");

@@ -67,7 +67,7 @@ public:
         const double value = number(key);
         if (!(value >= 0 && value < 9e15 && value == std::floor(value)))
             throw wrong(str("'", key, "' is ", value, "; expected a whole number, 0 or more"));
-        return static_cast<std::int64_t>(value);
+        return std::int64_t(value);
     }
     std::string text(const char* key) const { return at(root_, key, JsonValue::Kind::text).text; }
     std::uint32_t crc(const char* key) const { return crc(root_, key); }
@@ -97,8 +97,8 @@ public:
         for (const JsonValue& entry : list("files").items) {
             FileRecord file;
             file.name = at(entry, "name", JsonValue::Kind::text).text;
-            file.bytes = static_cast<std::uint64_t>(
-                std::max(0.0, at(entry, "bytes", JsonValue::Kind::number).number));
+            file.bytes =
+                std::uint64_t(std::max(0.0, at(entry, "bytes", JsonValue::Kind::number).number));
             file.crc = crc(entry, "crc32");
             if (fs::path(file.name).is_absolute() || file.name.find("..") != std::string::npos)
                 throw wrong(str("file '", shown(file.name), "' lies outside its folder"));
@@ -159,7 +159,7 @@ JsonValue record_json(const Record& record) {
 /// Reads that, and the list of files. Throws for a record of another block or split.
 template <class Record>
 void read_record(const Reader& in, const BlocksManifest& manifest, int block, Record& record) {
-    record.block = static_cast<int>(in.count("block")), record.split = in.crc("split");
+    record.block = int(in.count("block")), record.split = in.crc("split");
     if (record.block != block || record.split != manifest.split)
         throw in.wrong(str("for block ", record.block, " of split ", hex(record.split),
                            ", expected block ", block, " of split ", hex(manifest.split)));
@@ -235,8 +235,8 @@ BlocksManifest read_manifest(const std::string& folder) {
     m.folder = folder;
     m.scene = in.text("scene");
     m.scene_crc = in.crc("scene_crc32");
-    m.seed = static_cast<std::int64_t>(in.number("seed"));
-    m.iterations = static_cast<int>(std::min<std::int64_t>(in.count("iterations"), 1000000000));
+    m.seed = std::int64_t(in.number("seed"));
+    m.iterations = int(std::min<std::int64_t>(in.count("iterations"), 1000000000));
     m.origin = in.vec(in.list("origin"), "origin");
     const JsonValue& frame = in.list("ground_from_world");
     const JsonValue& near = in.list("near");
@@ -284,7 +284,7 @@ BlockInputs read_block_inputs(const BlocksManifest& manifest, int block) {
     const Reader in(folder + "/block.json", kSplitAgain);
     BlockInputs inputs;
     read_record(in, manifest, block, inputs);
-    inputs.views = static_cast<int>(in.count("views"));
+    inputs.views = int(in.count("views"));
     inputs.points = in.count("points"), inputs.expected_splats = in.count("expected_splats");
     inputs.fixed_splats = in.count("fixed_splats");
     require_files(folder, inputs.files, whose, kSplitAgain);

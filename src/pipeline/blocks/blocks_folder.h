@@ -53,7 +53,7 @@ struct BlocksManifest {
     std::vector<GroundCell> cells;
     std::vector<FileRecord> files;  // config.json, coarse.ply, each block.json
 
-    int count() const { return static_cast<int>(cells.size()); }
+    int count() const { return int(cells.size()); }
     /// "block_007"; blocks count from 1.
     static std::string block_name(int block);
     std::string block_folder(int block) const { return folder + "/" + block_name(block); }

@@ -91,7 +91,7 @@ GroundFrame ground_frame(Vec3d up) {
 
 Vec3d up_of(const std::vector<Vec3d>& centres) {
     Vec3d mean;
-    for (const Vec3d& p : centres) mean += p / static_cast<double>(centres.size());
+    for (const Vec3d& p : centres) mean += p / double(centres.size());
     Sym3<double> scatter;
     for (const Vec3d& p : centres) {
         const Vec3d d = p - mean;
@@ -134,7 +134,7 @@ std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
         const auto heaviest = std::ranges::max_element(
             parts, [](const Part& a, const Part& b) { return a.weight < b.weight; });
         const bool enough =
-            count > 0 ? static_cast<int>(parts.size()) >= count : !(heaviest->weight > most_weight);
+            count > 0 ? int(parts.size()) >= count : !(heaviest->weight > most_weight);
         if (enough) break;
         Part upper;
         const std::vector<int>& of = heaviest->points;
@@ -153,7 +153,7 @@ std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
 
 int cell_of(const std::vector<GroundCell>& cells, Vec2<double> p) {
     for (std::size_t i = 0; i < cells.size(); ++i)
-        if (cells[i].holds(p)) return static_cast<int>(i);
+        if (cells[i].holds(p)) return int(i);
     return -1;
 }
 
@@ -161,7 +161,7 @@ std::vector<int> choose_block_views(const std::vector<BlockView>& views,
                                     int points,
                                     double least_share,
                                     int wanted) {
-    std::vector<int> seen(static_cast<std::size_t>(points)), chosen_see(seen.size());
+    std::vector<int> seen(points), chosen_see(seen.size());
     for (const BlockView& view : views)
         for (const int p : view.sees) ++seen[p];
     std::vector<int> order(views.size());
@@ -172,7 +172,7 @@ std::vector<int> choose_block_views(const std::vector<BlockView>& views,
     for (const int v : order) {
         const std::vector<int>& sees = views[v].sees;
         const bool needed = std::ranges::any_of(sees, [&](int p) {
-            const auto at = static_cast<std::size_t>(p);
+            const auto at = std::size_t(p);
             return seen[at] >= wanted && chosen_see[at] < wanted;
         });
         if (!(share(v) >= least_share) && !needed) continue;

@@ -52,9 +52,9 @@ BlockSplats part_of_block(const BlocksManifest& manifest,
         if (share < 1) {
             const double logit = faded_logit(double{splats.opacity_logits[i]}, share);
             if (!(sigmoid(logit) >= kInvisible)) continue;
-            part.splats.opacity_logits[i] = static_cast<float>(logit);
+            part.splats.opacity_logits[i] = float(logit);
         }
-        places.push_back(static_cast<int>(i));
+        places.push_back(int(i));
         if (home != block) continue;
         ++part.own;
         part.far_reach +=

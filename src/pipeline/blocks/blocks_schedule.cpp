@@ -115,8 +115,7 @@ private:
     }
 
     int running() const {
-        return static_cast<int>(
-            std::ranges::count_if(places_, [](const Place& place) { return !!place.run; }));
+        return int(std::ranges::count_if(places_, [](const Place& place) { return !!place.run; }));
     }
 
     bool is_free(const Place& place) const {
@@ -136,7 +135,7 @@ private:
                 std::make_unique<Run>(job, schedule_.command(job.block, place.name, alone_));
             spdlog::info("Block {} starts on {}; messages: {}", job.block, place.name, job.log);
         } catch (const Error& error) {
-            fail(job, place, static_cast<int>(error.code()), error.what());
+            fail(job, place, int(error.code()), error.what());
         }
     }
 
@@ -144,7 +143,7 @@ private:
         std::vector<BlockProgress> progress;
         for (const Place& place : places_)
             if (place.run) progress.push_back(place.run->progress(place.name));
-        schedule_.show(progress, done_, static_cast<int>(waiting_.size()));
+        schedule_.show(progress, done_, int(waiting_.size()));
     }
 
     void wait_for_output() {
@@ -162,7 +161,7 @@ private:
             place.run->read(schedule_);
             lines = place.run->message();
         } catch (const Error& error) {  // the log cannot be written
-            code = static_cast<int>(error.code()), lines = error.what();
+            code = int(error.code()), lines = error.what();
         }
         if (!code) return;
         const std::unique_ptr<Run> run = std::move(place.run);
@@ -177,8 +176,7 @@ private:
             str("Block ", job.block, " failed ", alone_ ? "again " : "", "on ", place.name, ", ",
                 ending_text(code), lines.empty() ? "" : ": ", printable(lines));
         const auto usable = [](const Place& p) { return p.usable; };
-        if (code == static_cast<int>(ExitCode::device) &&
-            std::ranges::count_if(places_, usable) > 1)
+        if (code == int(ExitCode::device) && std::ranges::count_if(places_, usable) > 1)
             place.usable = false;
         if (alone_) {
             spdlog::error("{}", text);

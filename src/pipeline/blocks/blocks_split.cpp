@@ -54,21 +54,21 @@ Box3d near_box(const GroundFrame& frame, const Gaussians<Cpu>& coarse) {
 double finer_splats(Vec3f log_scale, double pixel) {
     float l[3] = {log_scale.x, log_scale.y, log_scale.z};
     std::sort(l, l + 3);
-    const double area = 9 * std::exp(static_cast<double>(l[1] + l[2]));  // 3 x 3 deviations
+    const double area = 9 * std::exp(double(l[1] + l[2]));  // 3 x 3 deviations
     return std::clamp(area / (pixel * pixel), 1.0, 16.0);
 }
 
 /// Reach of a vote that 95 % of the splats do not exceed, estimated from coarse splats and scaled
 /// to `denser` times as many.
 double vote_reach(const std::vector<Vec3f>& means, int k, double denser) {
-    const std::size_t wanted = std::min(means.size(), static_cast<std::size_t>(2 * k) + 1);
+    const std::size_t wanted = std::min(means.size(), std::size_t(2 * k) + 1);
     const PointTree<float> tree(means);
     std::vector<double> reach;
     std::vector<std::size_t> index(wanted);
     std::vector<float> squared(wanted);
     for (const std::size_t i : even_choice(means.size(), kSample)) {
         const std::size_t found = tree.nearest(means[i], wanted, index.data(), squared.data());
-        reach.push_back(std::sqrt(static_cast<double>(squared[found - 1])));
+        reach.push_back(std::sqrt(double(squared[found - 1])));
     }
     return quantile(reach, 0.95) / std::sqrt(denser);
 }
@@ -92,8 +92,8 @@ bool may_be_visible(const Camera& camera, Vec3f centre, float radius) {
         const float left = f * at + c * p.z, right = (size - c) * p.z - f * at;
         return left < -radius * std::hypot(f, c) || right < -radius * std::hypot(f, size - c);
     };
-    return !outside(camera.fx_px, camera.cx_px, static_cast<float>(camera.width_px), p.x) &&
-           !outside(camera.fy_px, camera.cy_px, static_cast<float>(camera.height_px), p.y);
+    return !outside(camera.fx_px, camera.cx_px, float(camera.width_px), p.x) &&
+           !outside(camera.fy_px, camera.cy_px, float(camera.height_px), p.y);
 }
 
 bool is_near(const BlocksManifest& m, Vec3d world) {
@@ -125,17 +125,17 @@ void plan_cells(const Scene& scene,
         means.push_back(coarse.means[i]), log_scales.push_back(coarse.log_scales[i]);
     }
     std::vector<double> weights(means.size()), pixels(means.size());
-    parallel_for(Cpu{}, static_cast<int>(means.size()), [&](int k) {
-        const auto i = static_cast<std::size_t>(k);
-        pixels[i] = static_cast<double>(finest_pixel(cameras, means[i])) / finer;
+    parallel_for(Cpu{}, int(means.size()), [&](int k) {
+        const auto i = std::size_t(k);
+        pixels[i] = double(finest_pixel(cameras, means[i])) / finer;
         weights[i] = finer_splats(log_scales[i], pixels[i]);
     });
     const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
     manifest.voxel_size = options.mesh.meshers.tsdf.voxel_size > 0
-                              ? static_cast<double>(options.mesh.meshers.tsdf.voxel_size)
+                              ? double(options.mesh.meshers.tsdf.voxel_size)
                               : quantile(pixels, 0.5);
 
-    const double denser = std::max(1.0, expected / static_cast<double>(means.size()));
+    const double denser = std::max(1.0, expected / double(means.size()));
     const double reach = vote_reach(means, options.train.tv.k, denser);
 
     // Cells shrink until they fit with their margins, which depend on the cells.
@@ -162,12 +162,12 @@ void plan_cells(const Scene& scene,
         manifest.margin = margin_of(manifest.cells);
         if (split.blocks > 0) break;
         const double most = heaviest(manifest.cells, manifest.margin);
-        if (most <= static_cast<double>(split.max_splats)) break;
+        if (most <= double(split.max_splats)) break;
         if (count >= 4096 ||
             (count > 1 && shortest_side(manifest.cells.front(), manifest.near) < manifest.margin))
             throw input_error("--max-splats ", split.max_splats, ": even ", count, " blocks need ",
-                              grouped(static_cast<std::int64_t>(most)),
-                              " splats each, with margins of ", manifest.margin,
+                              grouped(std::int64_t(most)), " splats each, with margins of ",
+                              manifest.margin,
                               "; give a larger --max-splats or a smaller --margin");
     }
 }
@@ -175,10 +175,10 @@ void plan_cells(const Scene& scene,
 std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
                                              const BlocksManifest& manifest,
                                              std::size_t most) {
-    std::vector<std::vector<int>> all(static_cast<std::size_t>(manifest.count()));
+    std::vector<std::vector<int>> all(std::size_t(manifest.count()));
     for (std::size_t i = 0; i < coarse.means.size(); ++i)
         if (const int block = manifest.block_of(mean_of(coarse, i)); block > 0)
-            all[block - 1].push_back(static_cast<int>(i));
+            all[block - 1].push_back(int(i));
     for (std::vector<int>& of : all) {
         std::vector<int> chosen;
         for (const std::size_t k : even_choice(of.size(), most)) chosen.push_back(of[k]);
@@ -199,7 +199,7 @@ void add_block_view(const Gaussians<Cpu>& coarse,
     std::size_t with_depth = 0;
     for (int y = 0; y < camera.height_px; ++y)
         for (int x = 0; x < camera.width_px; ++x) {
-            const float z = depth[static_cast<std::size_t>(y) * camera.width_px + x];
+            const float z = depth[std::size_t(y) * camera.width_px + x];
             if (!(z > 0)) continue;
             ++with_depth;
             const Vec3d p = vec_cast<double>(world_from_camera * (z * pixel_ray(camera, x, y)));
@@ -210,17 +210,16 @@ void add_block_view(const Gaussians<Cpu>& coarse,
         }
     for (std::size_t b = 0; b < manifest.cells.size(); ++b) {
         BlockView& look = looks[b][v];
-        look.share =
-            with_depth == 0 ? 0 : static_cast<double>(pixels[b]) / static_cast<double>(with_depth);
+        look.share = with_depth == 0 ? 0 : double(pixels[b]) / double(with_depth);
         for (std::size_t k = 0; k < counted[b].size(); ++k) {
             const Vec3f mean = coarse.means[counted[b][k]];
             if (!is_in_view(camera, mean)) continue;
             const Vec3f p = camera.camera_from_world * mean;
-            const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
-                      y = static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px);
-            const float z = depth[static_cast<std::size_t>(y) * camera.width_px + x];
+            const int x = int(camera.fx_px * p.x / p.z + camera.cx_px),
+                      y = int(camera.fy_px * p.y / p.z + camera.cy_px);
+            const float z = depth[std::size_t(y) * camera.width_px + x];
             // The splat is not hidden: it lies within its own thickness of the rendered surface.
-            if (p.z < 1.05f * z) look.sees.push_back(static_cast<int>(k));
+            if (p.z < 1.05f * z) look.sees.push_back(int(k));
         }
     }
 }
@@ -239,8 +238,7 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
     for (std::size_t b = 0; b < blocks.size(); ++b) {
         BlockContents& block = blocks[b];
         const GroundCell& cell = manifest.cells[b];
-        block.views =
-            choose_block_views(looks[b], static_cast<int>(counted[b].size()), kLeastShare);
+        block.views = choose_block_views(looks[b], int(counted[b].size()), kLeastShare);
         if (block.views.size() < 2)
             throw input_error("block ", b + 1, ": ", block.views.size(),
                               " photographs show its cell, expected at least 2; give fewer blocks");
@@ -250,7 +248,7 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
         std::vector<int> inside;
         for (std::size_t i = 0; i < coarse.means.size(); ++i) {
             if (belongs(cell, mean_of(coarse, i))) {
-                inside.push_back(static_cast<int>(i));
+                inside.push_back(int(i));
                 continue;
             }
             const Vec3f l = coarse.log_scales[i];
@@ -258,10 +256,9 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
             if (std::ranges::any_of(cameras, [&](const Camera& camera) {
                     return may_be_visible(camera, coarse.means[i], radius);
                 }))
-                block.fixed.push_back(static_cast<int>(i));
+                block.fixed.push_back(int(i));
         }
-        block.expected = expected * static_cast<double>(inside.size()) /
-                         static_cast<double>(coarse.means.size());
+        block.expected = expected * double(inside.size()) / double(coarse.means.size());
 
         const PointCloud& all = scene.points;
         for (std::size_t i = 0; i < all.positions.size(); ++i) {
@@ -274,11 +271,11 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
         // The scene has hardly any points here: use the surface of the coarse run.
         block.points = {};
         for (const int i : inside) {
-            const auto at = static_cast<std::size_t>(i);
+            const auto at = std::size_t(i);
             block.points.positions.push_back(coarse.means[at]);
             Vec3f color = coarse.sh[at];
             for (int c = 0; c < 3; ++c)
-                color[c] = std::clamp(0.5f + static_cast<float>(kShC0) * color[c], 0.0f, 1.0f);
+                color[c] = std::clamp(0.5f + float(kShC0) * color[c], 0.0f, 1.0f);
             block.points.colors.push_back(color);
         }
     }

@@ -69,13 +69,13 @@ std::vector<std::vector<BlockView>> find_block_views(const Scene& scene,
                                                      const Gaussians<Cpu>& coarse,
                                                      const TrainOptions& options,
                                                      const BlocksManifest& manifest) {
-    std::vector<std::vector<BlockView>> looks(static_cast<std::size_t>(manifest.count()),
+    std::vector<std::vector<BlockView>> looks(std::size_t(manifest.count()),
                                               std::vector<BlockView>(scene.train.size()));
     const auto counted = counted_splats(coarse, manifest);
     const auto backbone = make_backbone<Device>(options.backbone, options.render);
     Gaussians<Device> splats;
     copy(coarse, splats);
-    Progress progress("views per block", static_cast<double>(scene.train.size()));
+    Progress progress("views per block", double(scene.train.size()));
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         progress.advance();
         const auto& images = backbone->forward(splats, scene.train[v].camera, 0, kGeometryMaps);

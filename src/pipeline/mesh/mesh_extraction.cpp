@@ -28,8 +28,7 @@ DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
     DepthRules rules;
     rules.depth_max = options.depth_max, rules.alpha_min = options.alpha_min;
     rules.depth_step = options.depth_step;
-    if (options.max_angle < 90)
-        rules.min_cosine = std::cos(options.max_angle * static_cast<float>(M_PI / 180));
+    if (options.max_angle < 90) rules.min_cosine = std::cos(options.max_angle * float(M_PI / 180));
     if (!options.box.empty()) {
         const Box3d box = parse_box("--bbox", options.box);
         rules.has_box = true;
@@ -64,28 +63,26 @@ MeshRegion mesh_region(const MeshOptions& options,
     const bool unbounded = options.meshes_background();
     if (options.object > 0 && !unbounded) {
         rules.centre = vec_cast<float>(focus.point);
-        rules.reach = options.object * static_cast<float>(common_radius(cameras, focus));
+        rules.reach = options.object * float(common_radius(cameras, focus));
         if (!(rules.reach > 0))
-            throw Error(ExitCode::usage,
-                        "mesh.object is above 0, but the cameras do not look at one point; set it "
-                        "to 0, or pass --everything");
+            throw usage_error(
+                "mesh.object is above 0, but the cameras do not look at one point; set it to 0, "
+                "or pass --everything");
     }
-    const float radius =
-        unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
+    const float radius = unbounded && options.radius > 0 ? options.radius : float(focus.radius);
     if ((unbounded || rules.depth_max == 0) && !(radius > 0))
         throw input_error(
             "unknown size of the scene: a camera is at the point that all cameras look at; pass ",
             unbounded ? "--set mesh.radius=R" : "--depth-max");
     if (rules.depth_max == 0)
-        rules.depth_max = unbounded ? std::numeric_limits<float>::max()
-                                    : static_cast<float>(kDepthLimit) * radius;
+        rules.depth_max =
+            unbounded ? std::numeric_limits<float>::max() : float(kDepthLimit) * radius;
     return {unbounded, vec_cast<float>(focus.point), radius};
 }
 
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes) {
-    return !options.memory.empty()
-               ? parse_bytes("--memory", options.memory)
-               : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
+    return !options.memory.empty() ? parse_bytes("--memory", options.memory)
+                                   : std::int64_t(kShareOfFreeMemory * double(free_bytes));
 }
 
 std::string keep_measured(TriangleMesh& mesh,

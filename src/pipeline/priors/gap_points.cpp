@@ -19,15 +19,14 @@ constexpr float kEnclosed = 0.6f;
 /// Depth of the farthest point at each pixel or beside it; 0: none.
 std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>& points) {
     const int w = camera.width_px, h = camera.height_px;
-    std::vector<float> farthest(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+    std::vector<float> farthest(std::size_t(w) * std::size_t(h));
     for (const Vec3f& point : points) {
         const Vec3f p = camera.camera_from_world * point;
         if (!(p.z > 0)) continue;
         const float u = std::floor(camera.fx_px * p.x / p.z + camera.cx_px),
                     v = std::floor(camera.fy_px * p.y / p.z + camera.cy_px);
-        if (!(u >= -1 && u <= static_cast<float>(w) && v >= -1 && v <= static_cast<float>(h)))
-            continue;
-        const int x = static_cast<int>(u), y = static_cast<int>(v);
+        if (!(u >= -1 && u <= float(w) && v >= -1 && v <= float(h))) continue;
+        const int x = int(u), y = int(v);
         for (int b = std::max(y - 1, 0); b <= std::min(y + 1, h - 1); ++b)
             for (int a = std::max(x - 1, 0); a <= std::min(x + 1, w - 1); ++a) {
                 float& depth = farthest[b * w + a];
@@ -40,8 +39,7 @@ std::vector<float> covered_depths(const Camera& camera, const std::vector<Vec3f>
 /// Share of measured pixels among those that are at most kReach columns and rows away.
 std::vector<float> measured_shares(const StereoMaps& maps) {
     const int w = maps.camera.width_px, h = maps.camera.height_px;
-    std::vector<int> sums(
-        static_cast<std::size_t>((w + 1) * (h + 1)));  // above and left of a pixel
+    std::vector<int> sums(std::size_t((w + 1) * (h + 1)));  // above and left of a pixel
     const auto sum = [&](int x, int y) -> int& { return sums[y * (w + 1) + x]; };
     std::vector<float> shares(maps.depth.size());
     for (int y = 0; y < h; ++y)
@@ -52,9 +50,9 @@ std::vector<float> measured_shares(const StereoMaps& maps) {
         for (int x = 0; x < w; ++x) {
             const int left = std::max(x - kReach, 0), right = std::min(x + kReach + 1, w),
                       top = std::max(y - kReach, 0), bottom = std::min(y + kReach + 1, h);
-            shares[y * w + x] = static_cast<float>(sum(right, bottom) - sum(left, bottom) -
-                                                   sum(right, top) + sum(left, top)) /
-                                static_cast<float>((right - left) * (bottom - top));
+            shares[y * w + x] =
+                float(sum(right, bottom) - sum(left, bottom) - sum(right, top) + sum(left, top)) /
+                float((right - left) * (bottom - top));
         }
     return shares;
 }
@@ -79,7 +77,7 @@ std::size_t add_gap_points(const std::vector<StereoMaps>& completed,
         const ImageU8& photo = views[v].photo;
         for (int y = spacing_px / 2; y < h; y += spacing_px)
             for (int x = spacing_px / 2; x < w; x += spacing_px) {
-                const auto i = static_cast<std::size_t>(y * w + x);
+                const auto i = std::size_t(y * w + x);
                 const float z = depth[i];
                 if (!(z > 0) || z < kBehind * covered[i] || measured[i] < kEnclosed) continue;
                 // Pixel of the photograph, which may be finer than the maps.
@@ -88,13 +86,11 @@ std::size_t add_gap_points(const std::vector<StereoMaps>& completed,
                 if (!sky.views.empty() && sky.views[v].is_far(px, py)) continue;
                 Vec3f normal = maps.normals[i];
                 if (DepthNormal<float> n;
-                    norm(normal) < 0.5f && depth_normal_at(camera, depth, static_cast<int>(i), n))
+                    norm(normal) < 0.5f && depth_normal_at(camera, depth, int(i), n))
                     normal = n.normal;
                 if (!(-dot(normal, normalize(pixel_ray(camera, x, y))) > kLeastFacing)) continue;
-                const auto at = static_cast<std::size_t>(3 * (py * photo.width + px));
-                const auto level = [&](std::size_t c) {
-                    return static_cast<float>(photo.pixels[at + c]) / 255;
-                };
+                const auto at = std::size_t(3 * (py * photo.width + px));
+                const auto level = [&](std::size_t c) { return float(photo.pixels[at + c]) / 255; };
                 cloud.positions.push_back(
                     transpose_times(pose.R, z * pixel_ray(camera, x, y) - pose.t));
                 cloud.normals.push_back(transpose_times(pose.R, normal));

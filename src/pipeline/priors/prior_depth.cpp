@@ -24,11 +24,11 @@ PlacedMap read_depth(const DepthSource& source, const PriorFile& file, const Pri
     const bool positive = source.convention.alignment == PriorAlignment::metric ||
                           source.convention.alignment == PriorAlignment::scale;
     for (float& value : placed.map.pixels) {
-        const auto number = static_cast<double>(value);
+        const auto number = double(value);
         const bool none = std::ranges::find(source.invalid, number) != source.invalid.end() ||
                           (positive && source.convention.quantity != PriorQuantity::log_depth &&
                            !file.unreliable && !(number * file.scale + file.shift > 0));
-        value = none ? kNaN : static_cast<float>(number * file.scale + file.shift);
+        value = none ? kNaN : float(number * file.scale + file.shift);
     }
     return placed;
 }
@@ -40,7 +40,7 @@ PriorSamples samples_of(const PlacedMap& placed, const PriorView& view) {
         float value = 0;
         if (placed.placement.find(p.x_px, p.y_px, u, v) &&
             sample_map(placed.map, MapBlend::linear, u, v, &value))
-            samples.push_back({static_cast<double>(value), p.depth, p.distance});
+            samples.push_back({double(value), p.depth, p.distance});
     }
     return samples;
 }
@@ -76,8 +76,7 @@ bool stretch(std::vector<float>& values) {
                          [](float v) { return !std::isnan(v); });
     if (sorted.empty()) return false;
     const auto percentile = [&](std::size_t percent) {
-        const auto at =
-            sorted.begin() + static_cast<std::ptrdiff_t>((sorted.size() - 1) * percent / 100);
+        const auto at = sorted.begin() + std::ptrdiff_t((sorted.size() - 1) * percent / 100);
         std::nth_element(sorted.begin(), at, sorted.end());
         return *at;
     };
@@ -101,24 +100,22 @@ void make_maps(const PriorInputs& in, const FittedView& fitted, PriorView& prior
     const DepthRange range = range_of(fitted);
     std::vector<float> depth(numbers.pixels.size()), order(numbers.pixels.size(), kNaN);
     for (std::size_t i = 0; i < depth.size(); ++i) {
-        const double value = static_cast<double>(numbers.pixels[i]);
+        const double value = double(numbers.pixels[i]);
         if (std::isnan(value) || (!sky.empty() && sky[i] != 0)) continue;
         if (!fitted.fit.found) {
-            order[i] = static_cast<float>(reading.quantity == PriorQuantity::inverse_depth ? -value
-                                                                                           : value);
+            order[i] = float(reading.quantity == PriorQuantity::inverse_depth ? -value : value);
             continue;
         }
-        const int x = static_cast<int>(i) % view.photo.width,
-                  y = static_cast<int>(i) / view.photo.width;
+        const int x = int(i) % view.photo.width, y = int(i) / view.photo.width;
         const double cosine = 1 / norm(vec_cast<double>(pixel_ray(view.camera, x, y)));
         const double z = prior_depth(value, fitted.fit, reading, cosine);
-        if (z >= range.near && z <= range.far && z > 0) depth[i] = static_cast<float>(z);
+        if (z >= range.near && z <= range.far && z > 0) depth[i] = float(z);
         // Inverse depths below 0 are farther than all others.
         const double known = z > 0                                              ? z
                              : reading.quantity == PriorQuantity::inverse_depth ? range.far
                                                                                 : range.near;
         const double clamped = std::clamp(known, range.near, range.far);
-        if (std::isfinite(clamped)) order[i] = static_cast<float>(clamped);
+        if (std::isfinite(clamped)) order[i] = float(clamped);
     }
     if (in.order && stretch(order)) add_map(view, prior_map::kDepthOrder, 1, std::move(order));
     if (in.depth && fitted.fit.found) add_map(view, prior_map::kDepth, 1, std::move(depth));
@@ -129,7 +126,7 @@ double median_residual(const std::vector<FittedView>& views) {
     for (const FittedView& v : views)
         if (v.fit.found && !v.left_out && !v.samples.empty()) residuals.push_back(v.fit.residual);
     if (residuals.empty()) return 0;
-    const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
+    const auto middle = residuals.begin() + std::ptrdiff_t(residuals.size() / 2);
     std::nth_element(residuals.begin(), middle, residuals.end());
     return *middle;
 }
@@ -154,7 +151,7 @@ void fit_view(const ReadingChoice& choice, float max_residual, FittedView& view)
     if (view.reading.alignment == PriorAlignment::metric && !view.fit.found)
         view.fit = {true, 1, 0, 0};  // its numbers are depths, although no points confirm it
     view.left_out = is_uninformative(view.fit) ||
-                    (view.fit.found && !(view.fit.residual <= static_cast<double>(max_residual)));
+                    (view.fit.found && !(view.fit.residual <= double(max_residual)));
 }
 
 /// Logs the views without depth, and the reason.
@@ -189,7 +186,7 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     DepthConvention convention = source.convention;
     if (in.options.quantity != PriorQuantity::unknown)
         convention.quantity = in.options.quantity, convention.declared_by = "priors.quantity";
-    const int count = static_cast<int>(views.size());
+    const int count = int(views.size());
 
     // 1. Sample the maps at the scene's points.
     std::vector<FittedView> fitted(views.size());
@@ -205,7 +202,7 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     for (const FittedView& view : fitted)
         if (view.file && !view.file->unreliable) reliable.push_back(view.samples);
     const ReadingChoice choice =
-        choose_reading(reliable, convention, static_cast<double>(in.options.max_residual));
+        choose_reading(reliable, convention, double(in.options.max_residual));
     parallel_for_heavy(Cpu{}, count, [&](int i) {
         FittedView& view = fitted[i];
         if (view.file) fit_view(choice, in.options.max_residual, view);

@@ -31,9 +31,8 @@ std::vector<WithFile> with_files(const PriorFiles& source, std::vector<PriorView
 
 template <class Body>
 void for_each(const std::vector<WithFile>& files, const Body& body) {
-    parallel_for_throwing(static_cast<int>(files.size()), [&](int i) {
-        body(static_cast<std::size_t>(i), *files[i].view, *files[i].file);
-    });
+    parallel_for_throwing(int(files.size()),
+                          [&](int i) { body(std::size_t(i), *files[i].view, *files[i].file); });
 }
 
 std::string of_views(std::size_t files, std::size_t views) {
@@ -68,11 +67,10 @@ PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const 
         // Black pixels of a picture decode to (-1, -1, -1): unknown.
         const bool known = length > 0.3f && length < 1.5f;
         if (known) lengths.push_back(length);
-        for (std::size_t c = 0; c < 3; ++c)
-            numbers[i + c] = known ? n[static_cast<int>(c)] / length : kNaN;
+        for (std::size_t c = 0; c < 3; ++c) numbers[i + c] = known ? n[int(c)] / length : kNaN;
     }
     if (lengths.empty()) return placed;
-    const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+    const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
     std::nth_element(lengths.begin(), middle, lengths.end());
     if (!(*middle > 0.8f && *middle < 1.2f))
         throw input_error("E_PRIORS: ", file.path, ": median length of the normals ", *middle,
@@ -87,7 +85,7 @@ std::vector<NormalSample> samples_of(const PlacedMap& placed,
     std::vector<NormalSample> samples;
     const Rigid3f& pose = view.view->camera.camera_from_world;
     for (const VisiblePoint& p : view.points) {
-        const auto index = static_cast<std::size_t>(p.index);
+        const auto index = std::size_t(p.index);
         double u = 0, v = 0;
         Vec3f found;
         if (norm(surface[index]) == 0 || !placed.placement.find(p.x_px, p.y_px, u, v) ||
@@ -168,8 +166,7 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
             Vec3f n{pixel[0], pixel[1], pixel[2]};
             if (choice.reading.world) n = camera.camera_from_world.R * n;
             n = choice.reading.signs * n;
-            const Vec3f ray = pixel_ray(camera, static_cast<int>(at) % sized.width,
-                                        static_cast<int>(at) / sized.width);
+            const Vec3f ray = pixel_ray(camera, int(at) % sized.width, int(at) / sized.width);
             const float length = norm(n);
             const bool is_sky = !sky.empty() && sky[at] != 0;
             // A surface that faces away is invisible: an error of the map, usually at edges.
@@ -196,7 +193,7 @@ std::string fill_features(const PriorInputs& in, std::vector<PriorView>& views) 
                                         placed.map.height, MapBlend::linear)
                          : std::move(placed.map);
         channels[i] = map.channels;
-        const auto count = static_cast<std::size_t>(map.channels);
+        const auto count = std::size_t(map.channels);
         for (std::size_t p = 0; p < map.pixels.size(); p += count)
             if (std::any_of(&map.pixels[p], &map.pixels[p] + count,
                             [](float n) { return std::isnan(n); }))

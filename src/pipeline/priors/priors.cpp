@@ -79,7 +79,7 @@ std::map<std::string, Intrinsics> distorted_cameras(const SceneOptions& options)
 std::vector<PriorView> views_of(const SceneOptions& options, Scene& scene) {
     const auto cameras = distorted_cameras(options);
     std::vector<PriorView> views(scene.train.size());
-    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int i) {
+    parallel_for_heavy(Cpu{}, int(views.size()), [&](int i) {
         PriorView& view = views[i];
         view.view = &scene.train[i];
         if (const auto at = cameras.find(view.view->name); at != cameras.end())

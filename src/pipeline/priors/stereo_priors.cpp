@@ -43,10 +43,9 @@ std::vector<float> grey_at(const View& view, const Camera& camera) {
     std::vector<float> out;
     for (int y = 0; y < camera.height_px; ++y)
         for (int x = 0; x < camera.width_px; ++x)
-            out.push_back(
-                static_cast<float>(grey.at((2 * x + 1) * grey.width / (2 * camera.width_px),
-                                           (2 * y + 1) * grey.height / (2 * camera.height_px))) /
-                255);
+            out.push_back(float(grey.at((2 * x + 1) * grey.width / (2 * camera.width_px),
+                                        (2 * y + 1) * grey.height / (2 * camera.height_px))) /
+                          255);
     return out;
 }
 
@@ -64,13 +63,13 @@ std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<fl
     const int w = maps.camera.width_px, h = maps.camera.height_px;
     std::vector<Vec3f> out(maps.normals.size());
     parallel_for(Cpu{}, w * h, [&](int at) {
-        const auto i = static_cast<std::size_t>(at);
+        const auto i = std::size_t(at);
         const int x = at % w, y = at / w;
         if (!(maps.depth[i] > 0)) return;
         Vec3f sum{};
         for (int v = std::max(y - 2, 0); v <= std::min(y + 2, h - 1); ++v)
             for (int u = std::max(x - 2, 0); u <= std::min(x + 2, w - 1); ++u) {
-                const auto j = static_cast<std::size_t>(v * w + u);
+                const auto j = std::size_t(v * w + u);
                 if (!(std::abs(maps.depth[j] - maps.depth[i]) < 0.02f * maps.depth[i])) continue;
                 const float alike = std::exp(-std::abs(grey[j] - grey[i]) / 0.1f);
                 sum += maps.confidence[j] * alike * maps.normals[j];
@@ -91,7 +90,7 @@ StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
         for (int x = 0; x < w; ++x) {
             const int u = (2 * x + 1) * maps.camera.width_px / (2 * w),
                       v = (2 * y + 1) * maps.camera.height_px / (2 * h);
-            const auto from = static_cast<std::size_t>(v * maps.camera.width_px + u);
+            const auto from = std::size_t(v * maps.camera.width_px + u);
             const SurfacePlane plane{maps.normals[from], maps.depth[from]};
             const float depth =
                 depth_on_ray(plane, pixel_ray(maps.camera, u, v), pixel_ray(camera, x, y));
@@ -108,8 +107,7 @@ std::vector<float> order_of(const StereoMaps& maps) {
     for (std::size_t i = 0; i < maps.depth.size(); ++i)
         if (is_measured(maps.confidence[i])) measured.push_back(maps.depth[i]);
     const auto percentile = [&](std::size_t percent) {
-        const auto at =
-            measured.begin() + static_cast<std::ptrdiff_t>((measured.size() - 1) * percent / 100);
+        const auto at = measured.begin() + std::ptrdiff_t((measured.size() - 1) * percent / 100);
         std::nth_element(measured.begin(), at, measured.end());
         return *at;
     };
@@ -145,7 +143,7 @@ StereoMaps completed(const StereoMaps& maps, const View& view) {
     for (std::size_t i = 0; i < prior.size(); ++i) {
         if (maps.depth[i] > 0 || !(prior[i].depth > 0) || !(mask.empty() || mask[i] >= kObjectMask))
             continue;
-        const int at = static_cast<int>(i), w = maps.camera.width_px;
+        const int at = int(i), w = maps.camera.width_px;
         if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >
               kLeastFacing))
             continue;
@@ -165,14 +163,14 @@ StereoMaps completed(const StereoMaps& maps, const View& view) {
 }  // namespace
 
 std::size_t measured_pixels(const StereoMaps& completed) {
-    return static_cast<std::size_t>(std::ranges::count_if(completed.confidence, is_measured));
+    return std::size_t(std::ranges::count_if(completed.confidence, is_measured));
 }
 
 std::vector<StereoMaps> completed_maps(const std::vector<StereoMaps>& maps,
                                        const std::vector<View>& views) {
     std::vector<StereoMaps> out(views.size());
-    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int i) {
-        const auto v = static_cast<std::size_t>(i);
+    parallel_for_heavy(Cpu{}, int(views.size()), [&](int i) {
+        const auto v = std::size_t(i);
         out[v] = completed(maps[v], views[v]);
     });
     return out;
@@ -231,7 +229,7 @@ void make_stereo_priors(const DeviceChoice& device,
                     " views; give priors with --priors, or set the weights of these losses to 0");
     add_stereo_priors(start.maps, wanted, views);
     spdlog::debug("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
-                  100.0 * static_cast<double>(known) / static_cast<double>(pixels));
+                  100.0 * double(known) / double(pixels));
 }
 
 }  // namespace tvsgs

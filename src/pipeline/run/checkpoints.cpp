@@ -92,7 +92,7 @@ std::uint32_t views_id(const Scene& scene) {
 std::uint32_t photos_id(const Scene& scene) {
     std::uint32_t id = 0;
     for (const View& view : scene.train) {
-        const std::size_t row = static_cast<std::size_t>(view.photo.width) * 3;
+        const std::size_t row = std::size_t(view.photo.width) * 3;
         for (std::size_t at = 0; at + row <= view.photo.pixels.size(); at += 16 * row)
             id = checksum(view.photo.pixels.data() + at, row, id);
     }

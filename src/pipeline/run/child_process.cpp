@@ -90,7 +90,7 @@ void ChildProcess::read_lines(const std::function<void(std::string_view)>& on_li
         if (count < 0 && errno == EINTR) continue;
         if (count < 0 && errno == EAGAIN) return;
         if (count <= 0) break;
-        for (const char c : std::string_view(bytes, static_cast<std::size_t>(count))) {
+        for (const char c : std::string_view(bytes, std::size_t(count))) {
             if (c != '\n' && c != '\r') {
                 line_ += c;
                 continue;
@@ -152,7 +152,7 @@ void LineLog::add(std::string_view line) {
         const ssize_t written = write(file_, rest.data(), rest.size());
         if (written < 0 && errno == EINTR) continue;
         if (written <= 0) throw system_error(path_ + ": writing failed");
-        rest.remove_prefix(static_cast<std::size_t>(written));
+        rest.remove_prefix(std::size_t(written));
     }
 }
 

@@ -18,13 +18,10 @@ void apply_filter(Gaussians<Cpu>& g) {
     if (g.filter.empty()) return;
     for (std::size_t i = 0; i < g.means.size(); ++i) {
         const SmoothedSplat<double> smooth =
-            smoothed(vec_cast<double>(g.log_scales[i]), static_cast<double>(g.filter[i]));
-        const double opacity =
-            smooth.dimming / (1 + std::exp(-static_cast<double>(g.opacity_logits[i])));
-        for (int k = 0; k < 3; ++k)
-            g.log_scales[i][k] = static_cast<float>(std::log(smooth.scales[k]));
-        g.opacity_logits[i] =
-            static_cast<float>(std::clamp(std::log(opacity / (1 - opacity)), -30.0, 30.0));
+            smoothed(vec_cast<double>(g.log_scales[i]), double(g.filter[i]));
+        const double opacity = smooth.dimming / (1 + std::exp(-double(g.opacity_logits[i])));
+        for (int k = 0; k < 3; ++k) g.log_scales[i][k] = float(std::log(smooth.scales[k]));
+        g.opacity_logits[i] = float(std::clamp(std::log(opacity / (1 - opacity)), -30.0, 30.0));
     }
     g.filter.resize(0);
 }

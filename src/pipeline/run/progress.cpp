@@ -71,7 +71,7 @@ std::string TrainProgress::text(const TrainReport& report) {
     last_ = report.step;
     pace_.add(seconds(), report.step);
     const double left = pace_.left(iterations_);
-    const int share = iterations_ > 0 ? static_cast<int>(100.0 * report.step / iterations_) : 100;
+    const int share = iterations_ > 0 ? int(100.0 * report.step / iterations_) : 100;
     std::string line =
         fmt::format("{:3} %  {}/{}  {}", share, report.step, iterations_, clock_text(seconds()));
     if (std::isfinite(left) && report.step < iterations_)

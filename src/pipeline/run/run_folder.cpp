@@ -390,7 +390,7 @@ void require_scene_of_run(const std::string& run, const Scene& scene) {
         if (const std::vector<JsonValue>& at = camera["position"].items; at.size() == 3)
             centres[camera["img_name"].text_or("")] = {at[0].number, at[1].number, at[2].number};
     // Refined poses differ a little from the scene's, and float rounds.
-    const double shift = 0.05 * static_cast<double>(scene.extent);
+    const double shift = 0.05 * double(scene.extent);
     constexpr double kRounding = 1e-5;
     std::ptrdiff_t same = 0, elsewhere = 0;
     for (const std::vector<View>* views : {&scene.train, &scene.test})

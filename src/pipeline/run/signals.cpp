@@ -24,7 +24,7 @@ extern "C" void end_at_once(int signal) {
 extern "C" void record_signal(int signal) {
     timespec now{};
     clock_gettime(CLOCK_MONOTONIC, &now);
-    const double at = static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+    const double at = double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
     if (first_signal != 0) {
         if (at - first_at > kRepeatSeconds) end_at_once(signal);
         return;

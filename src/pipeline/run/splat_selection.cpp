@@ -16,8 +16,7 @@ namespace {
 /// Drops the indices for which is_out is true; returns their number.
 template <class IsOut>
 std::int64_t drop(std::vector<int>& places, const IsOut& is_out) {
-    return static_cast<std::int64_t>(
-        std::erase_if(places, [&](int i) { return is_out(static_cast<std::size_t>(i)); }));
+    return std::int64_t(std::erase_if(places, [&](int i) { return is_out(std::size_t(i)); }));
 }
 
 }  // namespace
@@ -53,12 +52,12 @@ SelectionReport select_splats(const SplatSelection& selection,
             places, [&](std::size_t i) { return !(sigmoid(g.opacity_logits[i]) >= 0.5f / 255); });
     if (selection.drop_unseen)
         report.unseen = drop(places, [&](std::size_t i) { return !(light[i] > 0); });
-    const auto most = static_cast<std::size_t>(selection.max_splats);
+    const auto most = std::size_t(selection.max_splats);
     if (most > 0 && places.size() > most) {
         const std::vector<double> weights = light.empty() ? size_of_splats(g) : light;
         std::vector<int> best = places;
         std::ranges::stable_sort(best, [&](int a, int b) { return weights[a] > weights[b]; });
-        report.beyond_most = static_cast<std::int64_t>(places.size() - most);
+        report.beyond_most = std::int64_t(places.size() - most);
         best.resize(most);
         std::ranges::sort(best);
         places = std::move(best);
@@ -67,7 +66,7 @@ SelectionReport select_splats(const SplatSelection& selection,
     if (selection.sort) sort_by_place(g);
     if (selection.sh_degree && *selection.sh_degree < g.sh_degree) {
         g.sh_degree = *selection.sh_degree;
-        g.sh.resize(static_cast<std::size_t>(sh_count(g.sh_degree)) * g.means.size());
+        g.sh.resize(std::size_t(sh_count(g.sh_degree)) * g.means.size());
     }
     return report;
 }
@@ -78,7 +77,7 @@ Render render_of(int width, int height, const std::vector<Vec3f>& colors) {
     Render out{color_image(width, height, colors), ImageF(width, height, 3)};
     for (std::size_t i = 0; i < colors.size(); ++i)
         for (int c = 0; c < 3; ++c)  // NaN becomes 0
-            out.colors.pixels[3 * i + static_cast<std::size_t>(c)] =
+            out.colors.pixels[3 * i + std::size_t(c)] =
                 std::min(std::max(0.0f, colors[i][c]), 1.0f);
     return out;
 }

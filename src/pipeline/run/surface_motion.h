@@ -30,8 +30,8 @@ inline SurfaceMotion surface_motion(const std::vector<std::vector<float>>& befor
             const float a = before[v][i], b = after[v][i];
             if (a > 0 && b > 0) moved.push_back(std::abs(a - b) * focal_px[v] / a);
         }
-    const auto median = static_cast<double>(quantile(moved, 0.5));
-    return {median, static_cast<double>(quantile(moved, 0.9)), moved.size()};
+    const auto median = double(quantile(moved, 0.5));
+    return {median, double(quantile(moved, 0.9)), moved.size()};
 }
 
 /// Compares the depths of a few training views with those of kEvery iterations earlier. If splats
@@ -44,8 +44,7 @@ public:
 
     SurfaceWatch(const std::vector<View>& views, const TrainOptions& options)
         : backbone_(make_backbone<Device>(options.backbone, options.render)) {
-        const std::size_t all = views.size(),
-                          count = std::min(all, static_cast<std::size_t>(kMostViews));
+        const std::size_t all = views.size(), count = std::min(all, std::size_t(kMostViews));
         for (std::size_t i = 0; i < count; ++i) {
             cameras_.push_back(views[i * all / count].camera);
             focal_px_.push_back(cameras_.back().fx_px);

@@ -43,8 +43,7 @@ PointScores score(const Make& make, const Truth& truth, bool curve) {
     GeometryMetrics metrics = evaluate_geometry(prediction, truth.surface, visible, options);
     std::vector<GeometryMetrics::Threshold> on_curve;
     if (curve) {
-        const auto split =
-            metrics.thresholds.begin() + static_cast<std::ptrdiff_t>(truth.taus.size());
+        const auto split = metrics.thresholds.begin() + std::ptrdiff_t(truth.taus.size());
         on_curve.assign(split, metrics.thresholds.end());
         metrics.thresholds.erase(split, metrics.thresholds.end());
     }
@@ -114,7 +113,7 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
     truth.surface = read_measured(options.gt, of_truth(truth.measure), truth.crop);
     if (!options.visible_gt.empty())
         truth.visible = read_measured(options.visible_gt, of_truth(truth.measure), truth.crop).from;
-    truth.max_distance = static_cast<double>(options.max_distance);
+    truth.max_distance = double(options.max_distance);
     if (options.taus.empty()) {
         const double size = diagonal(truth.surface.from.points);
         for (const double share : {0.005, 0.01, 0.02})

@@ -167,7 +167,7 @@ private:
                      .add("iterations", training_.iterations));
         spdlog::info("After {:.1f} s: {} iterations fit into {:g} s at this speed",
                      progress_.seconds(), grouped(training_.iterations),
-                     static_cast<double>(in_.options.plan.time_budget));
+                     double(in_.options.plan.time_budget));
     }
 
     std::string config() const { return config_json(configured_, in_.info); }
@@ -224,7 +224,7 @@ private:
 
     void warn_of_few(int splats) const {
         const std::size_t first = in_.scene.points.positions.size();
-        if (static_cast<std::size_t>(splats) < first / 100)
+        if (std::size_t(splats) < first / 100)
             spdlog::warn(
                 "Only {} splats are left of {} start points: learning rates (lr.*) or pruning "
                 "(densify.*) do not suit this scene",
@@ -287,7 +287,7 @@ private:
     void warn_of_limit() const {
         const std::size_t first = in_.scene.points.positions.size();
         const int most = training_.densify.max_gaussians;
-        if (done_ == 0 && first > static_cast<std::size_t>(most))
+        if (done_ == 0 && first > std::size_t(most))
             spdlog::warn(
                 "{} start points are more than {} splats (--max-gaussians), which limits only "
                 "growth; --set init.max_points={} thins a start cloud by stereo or --init-ply",

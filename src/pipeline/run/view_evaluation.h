@@ -50,8 +50,7 @@ std::vector<Vec3f> colors_over_background(const PhotometricOptions& options,
                         is_sky ? SkyMap{options.sky->pixels.data(), options.sky->width} : SkyMap{},
                         camera};
     const std::vector<float> T = to_host(images.transmittance);
-    parallel_for(Cpu{}, static_cast<int>(colors.size()),
-                 [&](int i) { colors[i] += T[i] * behind.at(i); });
+    parallel_for(Cpu{}, int(colors.size()), [&](int i) { colors[i] += T[i] * behind.at(i); });
     return colors;
 }
 

@@ -27,7 +27,7 @@ std::string file_of(const std::string& run) {
 bool read_values(const JsonValue& of_view, HeldExposures::value_type& values) {
     if (of_view.items.size() != values.size()) return false;
     for (std::size_t k = 0; k < values.size(); ++k)
-        values[k] = static_cast<float>(of_view.items[k].number_or(NAN));
+        values[k] = float(of_view.items[k].number_or(NAN));
     return std::ranges::all_of(values, [](float v) { return std::abs(v) < 10; });
 }
 

@@ -32,7 +32,7 @@ std::vector<Vec3f> sampled(const std::vector<Vec3f>& points) {
 
 double median(std::vector<double> values) {
     if (values.empty()) return 0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
 }
@@ -60,7 +60,7 @@ struct Searchable {
             std::size_t index[2];
             float squared[2];
             if (tree.nearest(p, 2, index, squared) == 2)
-                distances.push_back(std::sqrt(static_cast<double>(squared[1])));
+                distances.push_back(std::sqrt(double(squared[1])));
         }
         spacing = median(std::move(distances));
     }
@@ -79,21 +79,21 @@ public:
     explicit Frames(const Scene& scene)
         : fixed_(scene.fixed_voters.positions),
           initial_(scene.points.positions),
-          depth_(static_cast<double>(median_depth(scene))) {
+          depth_(double(median_depth(scene))) {
         for (const View& view : scene.train) cameras_.push_back(view.camera);
         std::erase_if(initial_.sample, [&](Vec3f p) { return !in_two_views(p); });
         for (int axis = 0; axis < 3; ++axis) {
             low_[axis] = INFINITY, high_[axis] = -INFINITY;
             for (const Vec3f p : fixed_.points)
-                low_[axis] = std::min(low_[axis], static_cast<double>(p[axis])),
-                high_[axis] = std::max(high_[axis], static_cast<double>(p[axis]));
+                low_[axis] = std::min(low_[axis], double(p[axis])),
+                high_[axis] = std::max(high_[axis], double(p[axis]));
         }
     }
 
     double share_in_two_views() const {
         const auto seen =
             std::ranges::count_if(fixed_.sample, [&](Vec3f p) { return in_two_views(p); });
-        return static_cast<double>(seen) / std::max(1.0, static_cast<double>(fixed_.sample.size()));
+        return double(seen) / std::max(1.0, double(fixed_.sample.size()));
     }
 
     struct Score {
@@ -146,19 +146,19 @@ private:
             const Vec3d other = (onto_initial ? scene_from_file : back) * vec_cast<double>(p);
             const Vec3f in_scene = onto_initial ? vec_cast<float>(other) : p;
             if (onto_initial ? !in_two_views(in_scene) : !in_box(other, slack / scale)) continue;
-            const double pixel = static_cast<double>(finest_pixel(cameras_, in_scene)),
+            const double pixel = double(finest_pixel(cameras_, in_scene)),
                          tolerance = std::max(slack, kPixels * pixel),
                          reach = onto_initial ? tolerance : tolerance / scale;
             tolerances.push_back(tolerance / pixel);
             std::size_t index;
             float squared;
-            agreeing += tree.nearest_within(vec_cast<float>(other),
-                                            static_cast<float>(reach * reach), &index, &squared);
+            agreeing +=
+                tree.nearest_within(vec_cast<float>(other), float(reach * reach), &index, &squared);
         }
         const std::size_t compared = tolerances.size();
-        Score score{static_cast<int>(compared), 0, 0};
+        Score score{int(compared), 0, 0};
         if (compared >= kLeast) {
-            score.agreeing = static_cast<double>(agreeing) / static_cast<double>(compared);
+            score.agreeing = double(agreeing) / double(compared);
             score.tolerance_px = median(std::move(tolerances));
         }
         score.meets = compared * 10 >= asked.size();
@@ -205,8 +205,8 @@ std::vector<Frame> candidate_frames(Vec3d origin) {
             std::string words;
             for (int r = 0; r < 3; ++r) {
                 const bool minus = (signs >> r & 1) != 0;
-                const auto axis = static_cast<std::size_t>(axes[r]);
-                A[r][static_cast<int>(axis)] = minus ? -1 : 1;
+                const auto axis = std::size_t(axes[r]);
+                A[r][int(axis)] = minus ? -1 : 1;
                 words += str(r > 0 ? ", " : "", minus ? "-" : "", "xyz"[axis]);
             }
             if (words != "x, y, z") add(str("with (", words, ") for its (x, y, z)"), A);
@@ -278,7 +278,7 @@ void check_fixed_points(const FixedPointsAgreement& look,
                         std::size_t points,
                         const std::string& path) {
     constexpr double kSeen = 0.01, kAgreeing = 0.15, kBetter = 0.08;
-    const double chance = 1 / std::sqrt(std::max(100.0, static_cast<double>(look.compared)));
+    const double chance = 1 / std::sqrt(std::max(100.0, double(look.compared)));
     const bool elsewhere = look.better > look.agreeing + kBetter + chance;
     const std::string what_to_do =
         str(elsewhere ? str("; ", look.frame, " ", percent(look.better), " % would") : "",
@@ -307,7 +307,7 @@ std::size_t fill_with_fixed_points(Scene& scene) {
     PointCloud& cloud = scene.points;
     const Searchable initial(cloud.positions);
     const std::vector<float> own = mean_squared_neighbour_distance(fixed, 3);
-    const auto empty = static_cast<float>(9 * initial.spacing * initial.spacing);
+    const auto empty = float(9 * initial.spacing * initial.spacing);
     std::size_t added = 0;
     for (std::size_t i = 0; i < fixed.size(); ++i) {
         std::size_t index;
@@ -321,17 +321,16 @@ std::size_t fill_with_fixed_points(Scene& scene) {
             if (!is_in_view(view.camera, fixed[i])) continue;
             const Camera& c = view.camera;
             const Vec3f p = c.camera_from_world * fixed[i];
-            const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
-                      y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
-            for (int k = 0; k < 3; ++k)
-                color[k] += static_cast<float>(view.photo.at(x, y, k)) / 255;
+            const int x = int(c.fx_px * p.x / p.z + c.cx_px),
+                      y = int(c.fy_px * p.y / p.z + c.cy_px);
+            for (int k = 0; k < 3; ++k) color[k] += float(view.photo.at(x, y, k)) / 255;
             ++seen;
         }
         if (seen == 0) continue;
         ++added;
         cloud.positions.push_back(fixed[i]);
         const auto& normals = scene.fixed_voters.normals;
-        if (!cloud.colors.empty()) cloud.colors.push_back(color / static_cast<float>(seen));
+        if (!cloud.colors.empty()) cloud.colors.push_back(color / float(seen));
         if (!cloud.normals.empty()) cloud.normals.push_back(normals.empty() ? Vec3f{} : normals[i]);
         if (!cloud.confidences.empty()) cloud.confidences.push_back(1);
     }

@@ -15,7 +15,7 @@ namespace tvsgs {
 /// Whether stereo replaces the cloud of the scene.
 inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
     return options.scene.init_ply.empty() &&
-           scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
+           scene.points.positions.size() < std::size_t(options.train.init.min_points);
 }
 
 /// Why the training cannot start from the scene's points; empty: it can.

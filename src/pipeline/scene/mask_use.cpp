@@ -16,8 +16,7 @@ bool is_background_at(const View& view, Vec3f point) {
     const Camera& c = view.camera;
     if (view.mask.empty() || !is_in_view(c, point)) return false;
     const Vec3f p = c.camera_from_world * point;
-    const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
-              y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
+    const int x = int(c.fx_px * p.x / p.z + c.cx_px), y = int(c.fy_px * p.y / p.z + c.cy_px);
     for (int j = std::max(0, y - 1); j <= std::min(view.mask.height - 1, y + 1); ++j)
         for (int i = std::max(0, x - 1); i <= std::min(view.mask.width - 1, x + 1); ++i)
             if (view.mask.at(i, j) != 0) return false;
@@ -30,7 +29,7 @@ constexpr int kRows = 64;        // of a photograph that are read at most
 
 /// The bytes of evenly spaced rows.
 std::string sample_of(const ImageU8& photo) {
-    const std::size_t row = static_cast<std::size_t>(photo.width) * photo.channels;
+    const std::size_t row = std::size_t(photo.width) * photo.channels;
     std::string sample;
     for (int y = 0; y < photo.height; y += 1 + photo.height / kRows) {
         const std::uint8_t* const from = std::as_const(photo.pixels).data() + y * row;

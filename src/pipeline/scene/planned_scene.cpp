@@ -138,8 +138,8 @@ void Preparation::decide_settings(const ChosenViews& chosen) {
     if (o.photos == PhotoPlace::automatic) apply(decide_photographs(photo_storage(chosen, o)));
     with_context(str("reading scene ", o.path), [&] {
         const TrainOptions& train = options_.train;
-        const Decision settings = tvsgs::decide_settings(
-            static_cast<int>(chosen.split.train.size()), !train.tv.fixed_voters.empty());
+        const Decision settings =
+            tvsgs::decide_settings(int(chosen.split.train.size()), !train.tv.fixed_voters.empty());
         dense_ = settings.choice == kManyPhotographs;
         config_.table.read_text(kPlanSource, built_in_config(dense_ ? kDenseConfig : kSparseConfig),
                                 /*below=*/true);
@@ -184,7 +184,7 @@ void Preparation::provide_cloud() {
 void Preparation::decide_training() {
     if (!planned_) return;
     if (scene_.points.positions.size() != look_.points || !sky_.views.empty()) look();
-    if (const auto given = static_cast<double>(options_.plan.coverage); given >= 0) {
+    if (const auto given = double(options_.plan.coverage); given >= 0) {
         apply(decide_coverage(look_.points_per_pixel, given));
         look_.points_per_pixel = given;
     }
@@ -243,7 +243,7 @@ MachineInputs Preparation::machine_inputs() const {
     MachineInputs in;
     in.cuda = device_.cuda;
     in.limits = memory_limits(options_.memory, device_.cuda);
-    in.first = static_cast<std::int64_t>(scene_.points.positions.size());
+    in.first = std::int64_t(scene_.points.positions.size());
     in.expected =
         expected_splats(scene_, options_.train, in.first, pinned("densify.max_gaussians"));
     in.may_stream = !pinned("photo_bytes");

@@ -18,7 +18,7 @@ inline constexpr std::size_t kFewStereoPoints = 2000;  // fewer points hardly sh
 
 /// Converts an option whose 0 means no limit.
 inline std::size_t stereo_cap(std::int64_t max_points) {
-    return max_points > 0 ? static_cast<std::size_t>(max_points) : std::size_t{1} << 40;
+    return max_points > 0 ? std::size_t(max_points) : std::size_t{1} << 40;
 }
 
 /// Runs reconstruct_stereo() on the device. Throws Error(ExitCode::usage) if it requires more views
@@ -27,7 +27,7 @@ inline StereoResult run_stereo(const DeviceChoice& device,
                                const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                const StereoOptions& options) {
-    if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
+    if (options.min_consistent > 0 && options.min_consistent >= int(views.size()))
         throw Error(ExitCode::usage, "stereo.min_consistent = ", options.min_consistent, ": with ",
                     views.size(), " views a depth has only ", views.size() - 1,
                     " other views to confirm it; give at most that, or 0");
@@ -50,8 +50,8 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
     for (std::size_t v = 0; v < views.size(); ++v) {
         const auto& mask = views[v].mask.pixels;
         pixels += options.use_masks && !mask.empty()
-                      ? static_cast<std::size_t>(std::count_if(
-                            mask.begin(), mask.end(), [](int m) { return m >= kObjectMask; }))
+                      ? std::size_t(std::count_if(mask.begin(), mask.end(),
+                                                  [](int m) { return m >= kObjectMask; }))
                       : result.maps[v].depth.size();
     }
     const std::size_t most = std::min(max_points, pixels / 2);

@@ -9,8 +9,7 @@ namespace {
 
 /// Rounds half up; NaN becomes 0.
 std::uint8_t to_8bit(float value) {
-    return value > 0 ? static_cast<std::uint8_t>(std::min(value, 1.0f) * 255 + 0.5f)
-                     : std::uint8_t{0};
+    return value > 0 ? std::uint8_t(std::min(value, 1.0f) * 255 + 0.5f) : std::uint8_t{0};
 }
 
 template <class Color>
@@ -32,8 +31,8 @@ Vec3f ramp(float t) {
                                 {0.37f, 0.79f, 0.38f},
                                 {0.99f, 0.91f, 0.14f}};
     const float at = t * 4;
-    const int i = std::min(static_cast<int>(at), 3);
-    return kStops[i] + (at - static_cast<float>(i)) * (kStops[i + 1] - kStops[i]);
+    const int i = std::min(int(at), 3);
+    return kStops[i] + (at - float(i)) * (kStops[i + 1] - kStops[i]);
 }
 
 }  // namespace
@@ -57,8 +56,7 @@ ImageU8 depth_image(int width, int height, const std::vector<float>& depths) {
     std::ranges::copy_if(depths, std::back_inserter(valid), is_valid);
     if (valid.empty()) return ImageU8(width, height, 3);
     const auto percentile = [&](double p) {
-        const auto at =
-            valid.begin() + static_cast<std::ptrdiff_t>(p * static_cast<double>(valid.size() - 1));
+        const auto at = valid.begin() + std::ptrdiff_t(p * double(valid.size() - 1));
         std::nth_element(valid.begin(), at, valid.end());
         return *at;
     };

@@ -101,7 +101,7 @@ private:
         plane_normal_.resize(pixels), plane_distance_.resize(pixels);
         const RenderedImages<Device>& images = images_;
         parallel_for(
-            Device{}, static_cast<int>(pixels),
+            Device{}, int(pixels),
             PlaneOfDepthBody{images.camera, images.normal.span(), std::as_const(distance_).span(),
                              images.depth.span(), dL_dimages.normal.span(), dL_dimages.depth.span(),
                              plane_normal_.span(), plane_distance_.span()});

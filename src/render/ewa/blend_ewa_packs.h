@@ -55,8 +55,8 @@ struct TilePixels {
     TilePixels(int left_px, int top_px) {
         float columns[kTileSize], rows[kTileSize];
         for (int i = 0; i < kTileSize; ++i) {
-            columns[i] = static_cast<float>(left_px + i) + 0.5f;
-            rows[i] = static_cast<float>(top_px + i) + 0.5f;
+            columns[i] = float(left_px + i) + 0.5f;
+            rows[i] = float(top_px + i) + 0.5f;
         }
         for (int part = 0; part < kParts; ++part) {
             x[part] = Lane::load(columns + part * kSize);
@@ -120,7 +120,7 @@ struct SplatBatch {
         std::uint32_t count = 0;
         for (std::uint32_t j = 0; j < splat_count; ++j) {
             for_bits(splats[j].met & open, [&](int pack) {
-                pairs[count++] = {static_cast<std::uint16_t>(j), static_cast<std::uint16_t>(pack)};
+                pairs[count++] = {std::uint16_t(j), std::uint16_t(pack)};
             });
             ends[j] = count;
         }
@@ -181,7 +181,7 @@ private:
             const std::size_t before = count, most = before + rects[i].count();
             if (tiles.size() < most) tiles.resize(2 * most);
             if (most > before) count = append_splat<Lane>(shapes[i], rects[i], tiles.data(), count);
-            counts[i] = static_cast<std::uint32_t>(count - before);
+            counts[i] = std::uint32_t(count - before);
         }
         tiles.resize(count);
     }
@@ -196,13 +196,12 @@ private:
         const auto s = broadcast<Lane>(shape);
         float lanes[2][Lane::kSize];
         for (int i = 0; i < Lane::kSize; ++i)
-            lanes[0][i] = static_cast<float>(i % columns),
-            lanes[1][i] = static_cast<float>(i / columns);
+            lanes[0][i] = float(i % columns), lanes[1][i] = float(i / columns);
         const Lane lane_x = Lane::load(lanes[0]), lane_y = Lane::load(lanes[1]);
         constexpr float size = kTileSize;
         for (int y0 = rect.y0; y0 < rect.y1; y0 += rows)
             for (int x0 = rect.x0; x0 < rect.x1; x0 += columns) {
-                const Lane x = static_cast<float>(x0) + lane_x, y = static_cast<float>(y0) + lane_y;
+                const Lane x = float(x0) + lane_x, y = float(y0) + lane_y;
                 // First and last pixel centres, clipped to the image.
                 const Lane right = minimum((x + 1) * size, Lane(grid.width)),
                            bottom = minimum((y + 1) * size, Lane(grid.height));
@@ -210,8 +209,8 @@ private:
                     may_draw(s, {x * size + 0.5f, y * size + 0.5f}, {right - 0.5f, bottom - 0.5f});
                 const auto inside = both(x < Lane(rect.x1), y < Lane(rect.y1));
                 for_bits(bits_of(both(meets, inside)), [&](int i) {
-                    tiles[count++] = static_cast<std::uint32_t>((y0 + i / columns) * grid.columns +
-                                                                x0 + i % columns);
+                    tiles[count++] =
+                        std::uint32_t((y0 + i / columns) * grid.columns + x0 + i % columns);
                 });
             }
         return count;
@@ -230,7 +229,7 @@ void for_pixels(const TileBounds& t, const Visit& visit) {
 }
 
 inline std::uint64_t bit(int k, bool set) {
-    return static_cast<std::uint64_t>(set) << k;
+    return std::uint64_t(set) << k;
 }
 
 }  // namespace detail
@@ -375,8 +374,8 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels, kParted>> {
         std::uint32_t last_of[Pixels::kCount] = {}, last = 0;
         for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
             const std::size_t p = pixel_index(grid, x, y);
-            set_entry(pixels[k], entry, transmittance[p], read(static_cast<int>(p)));
-            pixels[k].behind.v[entry] = read.behind(static_cast<int>(p));
+            set_entry(pixels[k], entry, transmittance[p], read(int(p)));
+            pixels[k].behind.v[entry] = read.behind(int(p));
             stop[k].v[entry] = std::bit_cast<float>(stop_in[p]);
             last_of[k] = std::max(last_of[k], stop_in[p]), last = std::max(last, stop_in[p]);
         });
@@ -402,7 +401,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels, kParted>> {
                 const auto shape = broadcast<Lane>(shapes[*(first - j)]);
                 const auto f = broadcast<Lane>(features[*(first - j)].f);
                 const Lane share(kParted ? features[*(first - j)].color_share : 1.0f);
-                const Lane position = Lane::from_bits(static_cast<std::int32_t>(end - 1 - j));
+                const Lane position = Lane::from_bits(std::int32_t(end - 1 - j));
                 typename Lane::Mask draws{};
                 LaneSums sums;
                 for (int pass = 0; pass < kPasses; ++pass) {

@@ -20,7 +20,7 @@ struct Pinhole {
 template <class Real>
 TVSGS_HD Pinhole<Real> pinhole(const Camera& c) {
     const Real fx = c.fx_px, fy = c.fy_px, cx = c.cx_px, cy = c.cy_px;
-    const Real width = static_cast<Real>(c.width_px), height = static_cast<Real>(c.height_px);
+    const Real width = Real(c.width_px), height = Real(c.height_px);
     const Real margin_u = Real(0.15) * width / fx, margin_v = Real(0.15) * height / fy;
     return {{mat_cast<Real>(c.camera_from_world.R), vec_cast<Real>(c.camera_from_world.t)},
             fx,

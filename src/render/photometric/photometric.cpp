@@ -72,9 +72,7 @@ struct PhotometricRow {
     }
 
 private:
-    std::size_t at(int y) const {
-        return static_cast<std::size_t>(y) * static_cast<std::size_t>(numbers());
-    }
+    std::size_t at(int y) const { return std::size_t(y) * std::size_t(numbers()); }
 
     /// Calls visit(weight, first number) for the rows of y's window. Rows outside the image are 0.
     template <class Visit>
@@ -108,7 +106,7 @@ private:
         for_packs<Pack>(numbers(), [&]<class Lane>(int i) {
             Lane m[kMoments] = {};
             across(columns, i, m);
-            const std::size_t p = at(y) + static_cast<std::size_t>(i);
+            const std::size_t p = at(y) + std::size_t(i);
             const SsimTerms<Lane> t = ssim_terms<Lane>({m[0], m[1], m[2], m[3], m[4]});
             store(detail::loss_share(load<Lane>(color + p), load<Lane>(photo + p), t.ssim, weights,
                                      per_value),
@@ -117,7 +115,7 @@ private:
         });
         for (int x = 0; x < width; ++x) {
             const float* share = shares + 3 * x;
-            pixel_loss[at(y) / 3 + static_cast<std::size_t>(x)] = share[0] + share[1] + share[2];
+            pixel_loss[at(y) / 3 + std::size_t(x)] = share[0] + share[1] + share[2];
         }
     }
 
@@ -136,7 +134,7 @@ private:
         for_packs<Pack>(numbers(), [&]<class Lane>(int i) {
             Lane s[3] = {};
             across(columns, i, s);
-            const std::size_t p = at(y) + static_cast<std::size_t>(i);
+            const std::size_t p = at(y) + std::size_t(i);
             const Lane g = detail::loss_derivative(load<Lane>(color + p), load<Lane>(photo + p),
                                                    s[0], s[1], s[2], weights, per_value);
             store(load<Lane>(dL_dcolor + p) + g, dL_dcolor + p);
@@ -147,7 +145,7 @@ private:
 }  // namespace
 
 void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cpu>& scratch) {
-    const auto numbers = 3 * static_cast<std::size_t>(in.width);  // of a row
+    const auto numbers = 3 * std::size_t(in.width);  // of a row
     scratch.resize(in.color.count), scratch.photo.resize(3 * in.color.count);
     const auto floats = [](auto* data) { return &data->x; };
     const PhotometricRow row{in.width,
@@ -164,15 +162,14 @@ void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cpu>& scra
     const bool wide = has_wide_packs();
     const auto for_rows = [&](const auto& body) {
         parallel_for_heavy(Cpu{}, in.height, [&](int y) {
-            std::vector<float> columns(
-                static_cast<std::size_t>((PhotometricRow::kMoments + 1) * row.stride()));
+            std::vector<float> columns(std::size_t((PhotometricRow::kMoments + 1) * row.stride()));
             body(y, columns.data());
         });
     };
     parallel_for_heavy(Cpu{}, in.height, [&](int y) {
-        const std::size_t first = static_cast<std::size_t>(y) * numbers;
+        const std::size_t first = std::size_t(y) * numbers;
         for (std::size_t i = first; i < first + numbers; ++i)
-            scratch.photo[i] = static_cast<float>(in.photo[i]) / 255;
+            scratch.photo[i] = float(in.photo[i]) / 255;
     });
     for_rows([&](int y, float* columns) {
         wide ? row.wide_moments(y, columns) : row.narrow_moments(y, columns);

@@ -29,11 +29,11 @@ template <int kIn, class Load>
 __device__ void fill(Tile<kIn>& tile, int width, int height, const Load& load) {
 #pragma unroll 3
     for (int i = 0; i < kLoads; ++i) {
-        const int at = static_cast<int>(threadIdx.x) + i * kThreads;
+        const int at = int(threadIdx.x) + i * kThreads;
         if (at >= kMarginWidth * kMarginHeight) break;
         const int column = at % kMarginWidth, row = at / kMarginWidth;
-        const int x = static_cast<int>(blockIdx.x) * kWidth + column - kSsimRadius;
-        const int y = static_cast<int>(blockIdx.y) * kHeight + row - kSsimRadius;
+        const int x = int(blockIdx.x) * kWidth + column - kSsimRadius;
+        const int y = int(blockIdx.y) * kHeight + row - kSsimRadius;
         float values[kIn] = {};
         if (x >= 0 && x < width && y >= 0 && y < height) load(y * width + x, values);
         for (int k = 0; k < kIn; ++k) tile[k][row][column] = values[k];
@@ -45,8 +45,7 @@ template <int kIn, int kMaps, class Maps>
 __device__ void sum_rows(const Tile<kIn>& tile, Rows<kMaps>& rows, const Maps& maps) {
     constexpr int kGroups = kWidth / kAcross;
 #pragma unroll 1
-    for (int task = static_cast<int>(threadIdx.x); task < kMarginHeight * kGroups;
-         task += kThreads) {
+    for (int task = int(threadIdx.x); task < kMarginHeight * kGroups; task += kThreads) {
         const int row = task / kGroups, first = task % kGroups * kAcross;
         float sums[kAcross][kMaps] = {};
 #pragma unroll
@@ -72,13 +71,10 @@ __device__ void sum_rows(const Tile<kIn>& tile, Rows<kMaps>& rows, const Maps& m
 /// The thread's pixels, one below the other.
 struct Column {
     int x, first;  // in the block
-    __device__ Column()
-        : x(static_cast<int>(threadIdx.x) % kWidth),
-          first(static_cast<int>(threadIdx.x) / kWidth * kDown) {}
+    __device__ Column() : x(int(threadIdx.x) % kWidth), first(int(threadIdx.x) / kWidth * kDown) {}
     /// Index of pixel j in the image, or -1.
     __device__ int pixel(int j, int width, int height) const {
-        const int px = static_cast<int>(blockIdx.x) * kWidth + x,
-                  py = static_cast<int>(blockIdx.y) * kHeight + first + j;
+        const int px = int(blockIdx.x) * kWidth + x, py = int(blockIdx.y) * kHeight + first + j;
         return px < width && py < height ? py * width + px : -1;
     }
 };
@@ -107,7 +103,7 @@ __device__ void sum_columns(const Rows<kMaps>& rows,
 
 /// A value of the photograph from 0 to 1.
 __device__ float photo_value(const std::uint8_t* photo, int pixel, int channel) {
-    return static_cast<float>(photo[3 * pixel + channel]) / 255;
+    return float(photo[3 * pixel + channel]) / 255;
 }
 
 /// Derivatives of one channel, as planes.
@@ -146,7 +142,7 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
             loss[j] +=
                 detail::loss_share(centre[j][0], centre[j][1], t.ssim, in.weights, per_value);
             if (p < 0) continue;
-            const std::size_t at = static_cast<std::size_t>(c) * in.color.count + p;
+            const std::size_t at = std::size_t(c) * in.color.count + p;
             out.dx[at] = t.dS_dx, out.dxx[at] = t.dS_dxx, out.dxy[at] = t.dS_dxy;
         }
     }
@@ -161,7 +157,7 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
     const Column column;
 #pragma unroll 1
     for (int c = 0; c < 3; ++c) {
-        const std::size_t plane = static_cast<std::size_t>(c) * in.color.count;
+        const std::size_t plane = std::size_t(c) * in.color.count;
         fill<3>(tile, in.width, in.height, [&](int p, float(&values)[3]) {
             values[0] = by.dx[plane + p], values[1] = by.dxx[plane + p],
             values[2] = by.dxy[plane + p];

@@ -32,9 +32,7 @@ struct PhotometricImages {
     Span<Vec3f> dL_dcolor;   // gets dL/dcolor added
     Span<float> pixel_loss;  // overwritten: each pixel's share of L; their sum is L
 
-    float per_value() const {
-        return 1.0f / (3.0f * static_cast<float>(width) * static_cast<float>(height));
-    }
+    float per_value() const { return 1.0f / (3.0f * float(width) * float(height)); }
 };
 void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cpu>& scratch);
 void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cuda>& scratch);
@@ -42,8 +40,8 @@ void photometric_loss(const PhotometricImages& in, PhotometricScratch<Cuda>& scr
 namespace detail {
 
 TVSGS_HD inline Vec3f photo_pixel(const std::uint8_t* photo, std::size_t at) {
-    return {static_cast<float>(photo[3 * at]) / 255, static_cast<float>(photo[3 * at + 1]) / 255,
-            static_cast<float>(photo[3 * at + 2]) / 255};
+    return {float(photo[3 * at]) / 255, float(photo[3 * at + 1]) / 255,
+            float(photo[3 * at + 2]) / 255};
 }
 
 TVSGS_HD inline float magnitude(float x) {

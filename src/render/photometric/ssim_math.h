@@ -14,7 +14,7 @@ TVSGS_HD constexpr Real ssim_weight(int offset) {
     constexpr double w[kSsimRadius + 1] = {0.26601172486179436,  0.2130055377112537,
                                            0.10936068950970002,  0.03600077212843083,
                                            0.007598758135239185, 0.0010283800844792066};
-    return static_cast<Real>(w[offset < 0 ? -offset : offset]);
+    return Real(w[offset < 0 ? -offset : offset]);
 }
 
 /// Windowed means of x, y, x^2, y^2 and x y.

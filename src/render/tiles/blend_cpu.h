@@ -20,8 +20,7 @@ inline TileBounds tile_bounds(const TileGrid& grid, int tile) {
 }
 
 inline std::size_t pixel_index(const TileGrid& grid, int x, int y) {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) +
-           static_cast<std::size_t>(x);
+    return std::size_t(y) * std::size_t(grid.width) + std::size_t(x);
 }
 
 /// Inputs and outputs of the tiles in a forward pass.
@@ -54,7 +53,7 @@ struct TilesBackward {
 namespace detail {
 
 inline Vec2f pixel_centre(int x, int y) {
-    return {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f};
+    return {float(x) + 0.5f, float(y) + 0.5f};
 }
 
 /// The pixels of a tile in blocks, for models without packs. A splat is evaluated only in blocks in
@@ -145,8 +144,7 @@ void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
     std::uint32_t last = 0;
     TileBlocks<State> blocks(tile_bounds(in.grid, tile), [&](State& state, int x, int y) {
         const std::size_t at = pixel_index(in.grid, x, y);
-        state = {in.stop_in[at],
-                 pixel_backward<Model>(in.read, static_cast<int>(at), in.transmittance[at])};
+        state = {in.stop_in[at], pixel_backward<Model>(in.read, int(at), in.transmittance[at])};
         last = std::max(last, state.stop);
     });
     const std::uint32_t begin = in.spans[tile].begin;
@@ -237,11 +235,11 @@ void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
     // Sums the fragments of each splat in order.
     const auto& first_fragments = lists.first_fragment_by_depth;
     parallel_for(Cpu{}, lists.visible_count, [&](int k) {
-        const auto rank = static_cast<std::size_t>(k);
+        const auto rank = std::size_t(k);
         const std::size_t first = first_fragments[rank];
         const std::size_t end = rank + 1 < first_fragments.size()
                                     ? first_fragments[rank + 1]
-                                    : static_cast<std::size_t>(lists.fragment_count);
+                                    : std::size_t(lists.fragment_count);
         typename Model::Gradients sum{};
         bool drawn = false;
         for (std::size_t fragment = first; fragment < end; ++fragment)

@@ -31,15 +31,15 @@ __device__ inline LanePixels lane_pixels(const TileGrid& grid, unsigned tile) {
     const int top = tile / grid.columns * kTileSize + warp / 2 * kQuarter;
     LanePixels p;
     p.x = left + lane % kQuarter;
-    p.centre_x = static_cast<float>(p.x) + 0.5f;
+    p.centre_x = float(p.x) + 0.5f;
     for (int k = 0; k < kPixels; ++k) {
         p.y[k] = top + lane / kQuarter + k * kRowStep;
-        p.centre_y[k] = static_cast<float>(p.y[k]) + 0.5f;
+        p.centre_y[k] = float(p.y[k]) + 0.5f;
         p.inside[k] = p.x < grid.width && p.y[k] < grid.height;
     }
-    p.low = {static_cast<float>(left) + 0.5f, static_cast<float>(top) + 0.5f};
-    p.high = {static_cast<float>(min(left + kQuarter, grid.width)) - 0.5f,
-              static_cast<float>(min(top + kQuarter, grid.height)) - 0.5f};
+    p.low = {float(left) + 0.5f, float(top) + 0.5f};
+    p.high = {float(min(left + kQuarter, grid.width)) - 0.5f,
+              float(min(top + kQuarter, grid.height)) - 0.5f};
     return p;
 }
 
@@ -113,7 +113,7 @@ __global__ void __launch_bounds__(kThreads)
         unsigned mask =
             load_batch<Model>(begin + lane < span.end, splat, shapes, features, p, batch);
         for (; mask != 0; mask &= mask - 1) {
-            const int j = __ffs(static_cast<int>(mask)) - 1;
+            const int j = __ffs(int(mask)) - 1;
             const typename Model::Shape s = batch.shapes[j];
             typename Model::Hit hits[kPixels];
 #pragma unroll
@@ -124,8 +124,7 @@ __global__ void __launch_bounds__(kThreads)
 #pragma unroll
             for (int k = 0; k < kPixels; ++k) {
                 const bool fits = Model::blend(pixels[k], hits[k], f);
-                if (fits && hits[k].alpha > 0)
-                    stop[k] = begin - span.begin + static_cast<std::uint32_t>(j) + 1;
+                if (fits && hits[k].alpha > 0) stop[k] = begin - span.begin + std::uint32_t(j) + 1;
                 if (!fits) p.centre_y[k] = kOutOfReach;
             }
         }
@@ -206,7 +205,7 @@ struct alignas(16) BatchSums {
 
     /// The splat whose sums this thread adds in a turn; not below the batch's size: none.
     __device__ static int splat_of_turn(int turn) {
-        return static_cast<int>((threadIdx.x + turn * kThreads) / kWords);
+        return int((threadIdx.x + turn * kThreads) / kWords);
     }
 };
 
@@ -258,9 +257,9 @@ __global__ void __launch_bounds__(kThreads)
     __shared__ std::uint32_t last_of_warp[kWarps];
     const std::uint32_t warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     // Index to which this lane writes its value of the warp's first sum; negative: nowhere.
-    const int value = value_of_lane<kFilled>(static_cast<int>(lane));
+    const int value = value_of_lane<kFilled>(int(lane));
     const int place = kept(lane % kLanesOfValue<kFilled> == 0 && value >= 0
-                               ? static_cast<int>(warp) * kBatch * kValues + Model::filled(value)
+                               ? int(warp) * kBatch * kValues + Model::filled(value)
                                : -1);
     Batch<Model>& batch = batches[warp];
     const LanePixels p = lane_pixels(grid, blockIdx.x);
@@ -283,7 +282,7 @@ __global__ void __launch_bounds__(kThreads)
 
     for (int turn = 0; end > 0; turn ^= 1) {
         const std::uint32_t begin = end > kBatch ? end - kBatch : 0;
-        const int count = static_cast<int>(end - begin);
+        const int count = int(end - begin);
         Sums& sums = sums_of_two[turn];
         const std::uint32_t position = span.begin + begin;
         std::uint32_t fragments_to_write[Sums::kTurns];
@@ -296,7 +295,7 @@ __global__ void __launch_bounds__(kThreads)
                                           shapes, features, p, batch);
         unsigned drawn = 0;
         while (mask != 0) {
-            const int j = 31 - __clz(static_cast<int>(mask));
+            const int j = 31 - __clz(int(mask));
             const unsigned bit = 1u << j;
             mask ^= bit;
             const typename Model::Shape s = batch.shapes[j];
@@ -304,7 +303,7 @@ __global__ void __launch_bounds__(kThreads)
 #pragma unroll
             for (int k = 0; k < kPixels; ++k) {
                 Vec2f d = offset<Model>(s, p, k);
-                d.y = begin + static_cast<std::uint32_t>(j) < stop[k] ? d.y : kOutOfReach;
+                d.y = begin + std::uint32_t(j) < stop[k] ? d.y : kOutOfReach;
                 hits[k] = Model::hit(s, d);
             }
             const bool draws = hits[0].alpha > 0 || hits[1].alpha > 0;
@@ -334,7 +333,7 @@ __global__ void __launch_bounds__(kThreads)
             float values[kFilled];
 #pragma unroll
             for (int v = 0; v < kFilled; ++v) values[v] = u.values[Model::filled(v)];
-            halving_sum<kFilled>(values, static_cast<int>(lane));
+            halving_sum<kFilled>(values, int(lane));
             if (place >= 0) (&sums.of[0][0][0])[place + j * kValues] = values[0];
         }
         if (lane == 0) sums.drawn[warp] = drawn;
@@ -385,7 +384,7 @@ __global__ void __launch_bounds__(kThreads)
     if (drawn && part == 0) fragments.drawn[first] = 1;
     for (unsigned large = __ballot_sync(kAll, part == 0 && end - first > kLaneFragments);
          large != 0; large &= large - 1) {
-        const int source = __ffs(static_cast<int>(large)) - 1;
+        const int source = __ffs(int(large)) - 1;
         const std::uint32_t begin = __shfl_sync(kAll, first, source);
         const std::uint32_t stop = __shfl_sync(kAll, end, source);
         sum = {};
@@ -438,8 +437,7 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
     if (lists.visible_count == 0) return;
     constexpr int kLanes = kSplatLanes<Gradients>;
     sum_fragments_kernel<<<(kLanes * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
-        lists.first_fragment_by_depth.span(), static_cast<std::uint32_t>(lists.fragment_count),
-        out);
+        lists.first_fragment_by_depth.span(), std::uint32_t(lists.fragment_count), out);
     check_launch();
 }
 

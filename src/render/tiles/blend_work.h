@@ -31,8 +31,8 @@ struct CountBlendBody {
             full[k] = k % kQuarter >= width || k / kQuarter >= height;
             open += full[k] ? 0 : 1;
         }
-        const Vec2f low{static_cast<float>(left) + 0.5f, static_cast<float>(top) + 0.5f},
-            high{static_cast<float>(left + width) - 0.5f, static_cast<float>(top + height) - 0.5f};
+        const Vec2f low{float(left) + 0.5f, float(top) + 0.5f},
+            high{float(left + width) - 0.5f, float(top + height) - 0.5f};
         const TileSpan span = spans[tile];
         for (std::uint32_t at = span.begin; at < span.end; ++at) {
             if ((at - span.begin) % kBatch == 0 && open == 0) break;
@@ -44,8 +44,7 @@ struct CountBlendBody {
             for (int k = 0; k < kPixels; ++k) {
                 if (full[k]) continue;
                 ++count.evaluations;
-                const Vec2f centre{low.x + static_cast<float>(k % kQuarter),
-                                   low.y + static_cast<float>(k / kQuarter)};
+                const Vec2f centre{low.x + float(k % kQuarter), low.y + float(k / kQuarter)};
                 const auto hit = Model::hit(s, Model::offset(s, centre));
                 if (hit.alpha == 0) continue;
                 if (!Model::blend(pixels[k], hit, {})) {
@@ -69,7 +68,7 @@ template <BlendModel Model, class Device>
 BlendWork count_blend_work(const SplatsOf<Model, Device>& splats,
                            const TileLists<Device>& lists,
                            const TileGrid& grid) {
-    Buffer<BlendWork, Device> warps(4 * static_cast<std::size_t>(grid.count()));
+    Buffer<BlendWork, Device> warps(4 * std::size_t(grid.count()));
     parallel_for_heavy(Device{}, 4 * grid.count(),
                        CountBlendBody<Model>{splats.shapes.span(), lists.spans.span(),
                                              lists.splats.span(), grid, warps.span()});

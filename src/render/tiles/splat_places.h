@@ -51,13 +51,13 @@ struct StoreBody {
     SplatPlaces places;
 
     TVSGS_HD void operator()(int i) const {
-        const auto room = static_cast<std::uint32_t>(projection.to.rects.count);
+        const auto room = std::uint32_t(projection.to.rects.count);
         if (const std::uint32_t place = places.of(i); place < room) {
             typename Projection::Found found;
             if (projection.find(i, found)) projection.store(i, found, place);
         }
         // Clears places without a splat. There are at most as many places as splats.
-        const auto beyond = static_cast<std::uint32_t>(i);
+        const auto beyond = std::uint32_t(i);
         if (beyond < room && beyond >= places.in_view()) projection.to.rects[beyond] = {};
     }
 };
@@ -77,7 +77,7 @@ public:
     /// splats [0, count) to the records in `to`.
     template <class Splats, class Project>
     void find(int count, const Project& project, Buffer<float, Device>& radii, Splats& splats) {
-        const auto n = static_cast<std::size_t>(count);
+        const auto n = std::size_t(count);
         radii.resize(n), before_.resize(n + 1);
         room_ = std::min(room_, n);
         if constexpr (std::is_same_v<Device, Cpu>)
@@ -105,7 +105,7 @@ private:
     template <class Splats, class Project>
     void find_once(int count, const Project& project, Buffer<float, Cpu>& radii, Splats& splats) {
         constexpr int kChunk = 256;
-        std::vector<Splats> own(static_cast<std::size_t>(thread_count()));
+        std::vector<Splats> own(thread_count());
         for (Splats& records : own) records.resize(kChunk);
         std::uint32_t in_view = 0;
         do {
@@ -118,7 +118,7 @@ private:
                 typename std::remove_const_t<decltype(projection)>::Found found;
                 std::uint32_t here = 0, first = 0;
                 for (int i = begin; i < end; ++i) {
-                    const auto at = static_cast<std::size_t>(i);
+                    const auto at = std::size_t(i);
                     before_[at] = here;
                     const bool seen = projection.find(i, found);
                     radii[at] = seen ? projection.radius(found) : 0;

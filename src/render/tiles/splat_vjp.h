@@ -47,8 +47,7 @@ SplatParameters parameters_of(const Gaussians<Device>& g) {
 
 /// Converts a gradient per px to one per NDC unit.
 TVSGS_HD inline Vec2f per_ndc(const TileGrid& grid, Vec2f per_px) {
-    return {0.5f * static_cast<float>(grid.width) * per_px.x,
-            0.5f * static_cast<float>(grid.height) * per_px.y};
+    return {0.5f * float(grid.width) * per_px.x, 0.5f * float(grid.height) * per_px.y};
 }
 
 /// Sums of the splats over pixels, as in FragmentGradients, and destinations of their statistics.
@@ -76,7 +75,7 @@ struct SplatSums {
     /// Overwrites the screen statistics of splat i.
     TVSGS_HD void write(int i, Vec2f by_ndc, Vec2f abs_by_ndc, float front_pixels) const {
         stat_grad[i] = by_ndc, stat_abs[i] = abs_by_ndc;
-        stat_front[i] = static_cast<int>(front_pixels);
+        stat_front[i] = int(front_pixels);
     }
 };
 
@@ -115,8 +114,7 @@ struct AddGradientsBody {
 
     TVSGS_HD void operator()(int i) const {
         SplatGeometry sum = no_gradient();
-        AddShGradient<float> visit{sh.data, dL_dsh.data, splats.means.count,
-                                   static_cast<std::size_t>(i)};
+        AddShGradient<float> visit{sh.data, dL_dsh.data, splats.means.count, std::size_t(i)};
         if (!vjp(i, splats.geometry(i), sum, visit)) return;
         dL_dmeans[i] += sum.mean;
         dL_dlog_scales[i] += sum.log_scale;
@@ -135,7 +133,7 @@ struct CameraVisit {
     TVSGS_HD void operator()(int k,
                              const Vec3f (&/*gradient*/)[kGroup],
                              Vec3f (&values)[kGroup]) const {
-        values[0] = sh[static_cast<std::size_t>(k) * stride + i];
+        values[0] = sh[std::size_t(k) * stride + i];
     }
 };
 
@@ -152,7 +150,7 @@ struct CameraGradientBody {
     TVSGS_HD void operator()(int i) const {
         gradients[i] = {};
         SplatGeometry sum = no_gradient();
-        CameraVisit visit{sh.data, splats.means.count, static_cast<std::size_t>(i)};
+        CameraVisit visit{sh.data, splats.means.count, std::size_t(i)};
         const SplatGeometry splat = splats.geometry(i);
         if (!vjp(i, splat, sum, visit)) return;
         gradients[i] = camera_gradient(camera_from_world, splat.mean - centre, sum.mean,

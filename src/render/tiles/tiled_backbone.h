@@ -22,7 +22,7 @@ struct ColorBody {
         if (at >= features.count) return;
         const Vec3f direction = normalize(means[i] - centre);
         features[at].f.color =
-            sh_color<float>(sh_degree, direction, sh, means.count, static_cast<std::size_t>(i));
+            sh_color<float>(sh_degree, direction, sh, means.count, std::size_t(i));
     }
 };
 

@@ -49,9 +49,8 @@ void detail::list_tiles(Span<const float> depths,
     constexpr std::size_t kChunk = 1024;
     const std::size_t chunks = (n + kChunk - 1) / kChunk;
     std::vector<std::vector<std::uint32_t>> met(chunks);
-    parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
-        const std::size_t begin = static_cast<std::size_t>(c) * kChunk,
-                          end = std::min(n, begin + kChunk);
+    parallel_for_heavy(Cpu{}, int(chunks), [&](int c) {
+        const std::size_t begin = std::size_t(c) * kChunk, end = std::min(n, begin + kChunk);
         find(begin, end, lists.fragment_counts.span(), met[c]);
     });
 
@@ -60,33 +59,33 @@ void detail::list_tiles(Span<const float> depths,
     lists.order.resize(n), lists.depth_keys.resize(n);
     for (std::size_t i = 0; i < n; ++i)
         if (lists.fragment_counts[i] > 0) {
-            lists.order[visible] = static_cast<std::uint32_t>(i);
+            lists.order[visible] = std::uint32_t(i);
             lists.depth_keys[visible++] = depth_key(depths[i]);
         }
-    lists.visible_count = static_cast<int>(visible);
+    lists.visible_count = int(visible);
     lists.order.resize(visible), lists.depth_keys.resize(visible);
     sort_by_key(lists.depth_keys, lists.order, lists.depth_keys_sorted, lists.visible);
 
     std::uint64_t total = 0;
     lists.first_fragment_by_depth.resize(visible);
     for (std::size_t k = 0; k < visible; ++k) {
-        lists.first_fragment_by_depth[k] = static_cast<std::uint32_t>(total);
-        lists.first_fragment[lists.order[k]] = static_cast<std::uint32_t>(total);
+        lists.first_fragment_by_depth[k] = std::uint32_t(total);
+        lists.first_fragment[lists.order[k]] = std::uint32_t(total);
         total += lists.fragment_counts[lists.order[k]];
     }
     check_fragment_count(total);
-    lists.fragment_count = static_cast<int>(total);
+    lists.fragment_count = int(total);
     lists.tile_keys.resize(total), lists.splat_of_fragment.resize(total);
     lists.fragments.resize(total), lists.splats.resize(total);
-    parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
+    parallel_for_heavy(Cpu{}, int(chunks), [&](int c) {
         const std::uint32_t* tiles = met[c].data();
-        const std::size_t begin = static_cast<std::size_t>(c) * kChunk;
+        const std::size_t begin = std::size_t(c) * kChunk;
         for (std::size_t i = begin; i < std::min(n, begin + kChunk); ++i) {
             const std::uint32_t count = lists.fragment_counts[i];
             if (count == 0) continue;
             std::copy_n(tiles, count, lists.tile_keys.data() + lists.first_fragment[i]);
             std::fill_n(lists.splat_of_fragment.data() + lists.first_fragment[i], count,
-                        static_cast<std::uint32_t>(i));
+                        std::uint32_t(i));
             tiles += count;
         }
     });

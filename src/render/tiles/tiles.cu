@@ -34,7 +34,7 @@ struct TileSpansBody {
     TVSGS_HD void operator()(int i) const {
         splats[i] = splat_of_fragment[fragments[i]];
         const Key tile = keys[i];
-        const auto position = static_cast<std::uint32_t>(i);
+        const auto position = std::uint32_t(i);
         if (i == 0 || keys[i - 1] != tile) spans[tile].begin = position;
         if (i + 1 == fragments.size() || keys[i + 1] != tile) spans[tile].end = position + 1;
     }
@@ -96,7 +96,7 @@ void count_in_view(const Buffer<float, Cuda>& radii,
         thrust::make_counting_iterator<std::uint32_t>(0), InView{radii.span()});
     with_temporary(temporary, [&](void* temp, std::size_t& bytes) {
         return cub::DeviceScan::ExclusiveSum(temp, bytes, in_view, before.data(),
-                                             static_cast<int>(before.size()));
+                                             int(before.size()));
     });
 }
 
@@ -109,9 +109,9 @@ void tiles_detail::order_splats(Span<const float> depths, TileLists<Cuda>& lists
     const auto totals = to_host(lists.totals);
     const std::size_t visible = totals[0], total = totals[1];
     check_fragment_count(total);
-    lists.visible_count = static_cast<int>(visible);
-    lists.fragment_count = static_cast<int>(total);
-    lists.in_view = static_cast<std::uint32_t>(totals[2]);
+    lists.visible_count = int(visible);
+    lists.fragment_count = int(total);
+    lists.in_view = std::uint32_t(totals[2]);
     lists.order.resize(visible), lists.first_fragment_by_depth.resize(visible);
     lists.depth_keys.resize(visible);
     lists.depth_keys_sorted.resize(visible);

@@ -26,21 +26,19 @@ inline TileGrid tile_grid(int width, int height) {
 struct alignas(8) TileRect {
     std::uint16_t x0, y0, x1, y1;
 
-    TVSGS_HD std::uint32_t count() const {
-        return static_cast<std::uint32_t>(x1 - x0) * static_cast<std::uint32_t>(y1 - y0);
-    }
+    TVSGS_HD std::uint32_t count() const { return std::uint32_t(x1 - x0) * std::uint32_t(y1 - y0); }
 };
 
 /// Tiles that meet the box centre +- extent, px; empty if the box is outside the image.
 TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& grid) {
     const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
                                std::uint16_t& last) {
-        const float size = kTileSize, most = static_cast<float>(tiles);
+        const float size = kTileSize, most = float(tiles);
         const auto clamped = [](float value, float lowest, float highest) {
             return value < lowest ? lowest : value > highest ? highest : value;
         };
-        first = static_cast<std::uint16_t>(clamped(std::floor(low / size), 0.0f, most));
-        last = static_cast<std::uint16_t>(clamped(std::floor(high / size) + 1, 0.0f, most));
+        first = std::uint16_t(clamped(std::floor(low / size), 0.0f, most));
+        last = std::uint16_t(clamped(std::floor(high / size) + 1, 0.0f, most));
     };
     TileRect rect;
     tile_range(centre.x - extent.x, centre.x + extent.x, grid.columns, rect.x0, rect.x1);
@@ -85,10 +83,9 @@ TVSGS_HD bool meets_tiles(const Shape& shape, const TileGrid& grid, TileRect til
     const int right = tiles.x1 * kTileSize, bottom = tiles.y1 * kTileSize;
     // First and last pixel centres, clipped to the image.
     return may_draw(shape,
-                    Vec2f{static_cast<float>(tiles.x0 * kTileSize) + 0.5f,
-                          static_cast<float>(tiles.y0 * kTileSize) + 0.5f},
-                    Vec2f{static_cast<float>(right < grid.width ? right : grid.width) - 0.5f,
-                          static_cast<float>(bottom < grid.height ? bottom : grid.height) - 0.5f});
+                    Vec2f{float(tiles.x0 * kTileSize) + 0.5f, float(tiles.y0 * kTileSize) + 0.5f},
+                    Vec2f{float(right < grid.width ? right : grid.width) - 0.5f,
+                          float(bottom < grid.height ? bottom : grid.height) - 0.5f});
 }
 
 /// Positions [begin, end) of a tile in TileLists::fragments.
@@ -145,13 +142,12 @@ TVSGS_HD inline std::uint32_t depth_key(float depth) {
 
 /// Tile number `at` of a rectangle, row by row.
 TVSGS_HD inline TileRect rect_tile(TileRect rect, std::uint32_t at) {
-    const std::uint32_t width = static_cast<std::uint32_t>(rect.x1 - rect.x0);
-    const auto x = static_cast<std::uint16_t>(rect.x0 + at % width),
-               y = static_cast<std::uint16_t>(rect.y0 + at / width);
-    return {x, y, static_cast<std::uint16_t>(x + 1), static_cast<std::uint16_t>(y + 1)};
+    const std::uint32_t width = std::uint32_t(rect.x1 - rect.x0);
+    const auto x = std::uint16_t(rect.x0 + at % width), y = std::uint16_t(rect.y0 + at / width);
+    return {x, y, std::uint16_t(x + 1), std::uint16_t(y + 1)};
 }
 TVSGS_HD inline std::uint32_t tile_index(const TileGrid& grid, TileRect tile) {
-    return static_cast<std::uint32_t>(tile.y0 * grid.columns + tile.x0);
+    return std::uint32_t(tile.y0 * grid.columns + tile.x0);
 }
 
 inline constexpr std::uint64_t kMaxFragments = (1ull << 31) - 1;

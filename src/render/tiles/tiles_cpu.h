@@ -28,7 +28,7 @@ struct TileFinder {
                 const TileRect tile = rect_tile(rects[i], at);
                 if (meets_tiles(shapes[i], grid, tile)) tiles.push_back(tile_index(grid, tile));
             }
-            counts[i] = static_cast<std::uint32_t>(tiles.size() - before);
+            counts[i] = std::uint32_t(tiles.size() - before);
         }
     }
 };

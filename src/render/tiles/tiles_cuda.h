@@ -53,7 +53,7 @@ __device__ TileHits walk_tiles(const Projected<Shape>& in,
     }
     for (unsigned large = __ballot_sync(kAll, candidates > kLaneTiles); large != 0;
          large &= large - 1) {
-        const int source = __ffs(static_cast<int>(large)) - 1;
+        const int source = __ffs(int(large)) - 1;
         const std::uint32_t shared_splat = __shfl_sync(kAll, splat, source);
         const std::uint32_t shared_first = __shfl_sync(kAll, first, source);
         const TileRect shared_rect = in.rects[shared_splat];
@@ -185,7 +185,7 @@ void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
                       const TileGrid& grid,
                       TileLists<Cuda>& lists) {
     using namespace tiles_detail;
-    const int n = static_cast<int>(splats.rects.size());
+    const int n = int(splats.rects.size());
     lists.fragment_counts.resize(n), lists.first_fragment.resize(n), lists.visible.resize(n);
     lists.spans.resize(grid.count()), lists.totals.resize(3), lists.hit_masks.resize(n);
     lists.spans.fill_zero(), lists.totals.fill_zero();

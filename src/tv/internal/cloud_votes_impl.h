@@ -177,7 +177,7 @@ struct CloudPlaceBody {
         int best = 0;
         for (int m = 0; m <= 2 * kPlaces; ++m) {
             Sym3f T;
-            voters.add_votes<false>(i, place + static_cast<float>(m - kPlaces) * step, T);
+            voters.add_votes<false>(i, place + float(m - kPlaces) * step, T);
             const Vec3f l = sym_eigenvalues<ExactMath>(T);
             saliency[m] = l.y - l.z;
             if (m == kPlaces) largest = l.x;
@@ -185,7 +185,7 @@ struct CloudPlaceBody {
         }
         if (!(saliency[best] > saliency[kPlaces] + kPlaceMargin * largest)) return;
         // The parabola through three places.
-        float offset = static_cast<float>(best - kPlaces);
+        float offset = float(best - kPlaces);
         if (best > 0 && best < 2 * kPlaces) {
             const float below = saliency[best - 1], above = saliency[best + 1];
             const float bend = below - 2 * saliency[best] + above;
@@ -257,7 +257,7 @@ public:
     CloudVoting(const PointCloud& cloud,
                 const CloudVoteOptions& options,
                 const CloudProgress& progress)
-        : options_(options), progress_(progress), count_(static_cast<int>(cloud.positions.size())) {
+        : options_(options), progress_(progress), count_(int(cloud.positions.size())) {
         Buffer<Vec3f, Device> given;
         copy(cloud.positions, given);
         Buffer<int, Device> order;
@@ -324,10 +324,10 @@ private:
     }
 
     void make_tree() {
-        std::vector<TreePoint> points(static_cast<std::size_t>(count_));
+        std::vector<TreePoint> points(count_);
         const std::vector<Vec3f> places = to_host(places_);
         for (std::size_t rank = 0; rank < points.size(); ++rank)
-            points[rank] = {places[rank], static_cast<std::uint32_t>(rank)};
+            points[rank] = {places[rank], std::uint32_t(rank)};
         copy(points, points_);
         nodes_.resize(std::size_t(set_tree_shape(tree_, count_)));
         tree_.points = points_.span(), tree_.nodes = nodes_.span();
@@ -420,12 +420,12 @@ private:
         const std::vector<float> support = to_host(support_);
         const std::vector<std::uint32_t> nearest = to_host(nearest_);
         CloudVotes out;
-        const auto count = static_cast<std::size_t>(count_);
+        const auto count = std::size_t(count_);
         out.kept.resize(count), out.positions.resize(count), out.normals.resize(count);
         out.eigenvalues.resize(count), out.confidences.resize(count);
         out.nearest.resize(nearest.size());
         for (std::size_t rank = 0; rank < count; ++rank) {
-            const auto i = static_cast<std::size_t>(order_[rank]);
+            const auto i = std::size_t(order_[rank]);
             const Vec3f l = eigenvalues[rank];
             out.kept[i] = i;
             out.positions[i] = positions[rank], out.normals[i] = normals[rank];
@@ -435,7 +435,7 @@ private:
             for (std::size_t r = 0; r < kGraphNeighbours; ++r) {
                 const std::uint32_t near = nearest[rank * kGraphNeighbours + r];
                 out.nearest[i * kGraphNeighbours + r] =
-                    near == kNoPoint ? near : static_cast<std::uint32_t>(order_[near]);
+                    near == kNoPoint ? near : std::uint32_t(order_[near]);
             }
         }
         return out;

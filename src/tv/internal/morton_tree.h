@@ -83,10 +83,10 @@ TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t rank) {
     const float ordered =
         squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
     // Adding zero turns -0 into 0.
-    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | rank;
+    return std::uint64_t(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | rank;
 }
 TVSGS_HD inline std::uint32_t key_rank(std::uint64_t key) {
-    return static_cast<std::uint32_t>(key);
+    return std::uint32_t(key);
 }
 
 /// Lower bound of the keys of all points in a node whose first point has `rank`.
@@ -135,7 +135,7 @@ public:
     }
     /// Side of the first leaves searched: -1 below, 0 inside, 1 above.
     TVSGS_HD int side_of_window(std::uint32_t rank) const {
-        const int leaf = static_cast<int>(rank) / kTreeFanout;
+        const int leaf = int(rank) / kTreeFanout;
         return leaf < window_begin_ ? -1 : leaf < window_end_ ? 0 : 1;
     }
 
@@ -153,7 +153,7 @@ private:
                 const int rank = begin + i;
                 if (rank >= tree_.points.size() || rank == self_) return ~0ull;
                 const Vec3f d = tree_.points[rank].position - position_;
-                return distance_key(dot(d, d), static_cast<std::uint32_t>(rank));
+                return distance_key(dot(d, d), std::uint32_t(rank));
             },
             [bound](std::uint64_t key) { return key < bound; });
     }
@@ -170,7 +170,7 @@ private:
             const int node = first + i;
             return node < tree_.level_size[level] &&
                    node_key(tree_.nodes[tree_.level_begin[level] + node], position_,
-                            static_cast<std::uint32_t>(node) << (5 * (level + 1))) < bound_;
+                            std::uint32_t(node) << (5 * (level + 1))) < bound_;
         });
     }
 

@@ -53,8 +53,7 @@ TVSGS_HD int write_members(const Warp& warp,
                            std::uint32_t* out) {
     const int mine = std::popcount(mask), before = warp.sum_before(mine);
     out += before;
-    for (; mask != 0; mask &= mask - 1)
-        *out++ = first + static_cast<std::uint32_t>(Warp::lowest_bit(mask));
+    for (; mask != 0; mask &= mask - 1) *out++ = first + std::uint32_t(Warp::lowest_bit(mask));
     return warp.from_lane(before + mine, Warp::kLanes - 1);
 }
 
@@ -111,7 +110,7 @@ struct CompactLists {
         if constexpr (Warp::kLanes == 1) {
             for (; first < end; ++first)
                 for (std::uint32_t mask = voters_in(first, rank); mask != 0; mask &= mask - 1)
-                    action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
+                    action(first_voter(first) + std::uint32_t(Warp::lowest_bit(mask)));
         } else {
             // Each lane reads one tile; lane e % 32 gets voter e of these 32 tiles. If fewer than
             // 32 remain, they stay in their lanes until the next tiles.
@@ -171,7 +170,7 @@ private:
             if (warp.from_lane(before, lane + step) <= e) lane += step;
         const int n = e - warp.from_lane(before, lane);
         return warp.from_lane(base, lane) +
-               static_cast<std::uint32_t>(place_of_bit(warp.from_lane(mask, lane), n));
+               std::uint32_t(place_of_bit(warp.from_lane(mask, lane), n));
     }
 };
 

@@ -55,9 +55,8 @@ struct TileBody {
 private:
     TVSGS_HD std::uint32_t head(int block, int v, std::uint32_t next) const {
         const int voter = block * EdgeTile::kVoters + v;
-        return voter < voters && next < static_cast<std::uint32_t>(k)
-                   ? receivers[std::size_t(voter) * k + next]
-                   : kNone;
+        return voter < voters && next < std::uint32_t(k) ? receivers[std::size_t(voter) * k + next]
+                                                         : kNone;
     }
     template <class Warp>
     TVSGS_HD void write(const Warp& warp,
@@ -86,10 +85,10 @@ struct ReceiverBeginBody {
     Span<const std::uint32_t> sorted_blocks;
     Span<std::int64_t> receiver_begin;
     TVSGS_HD void operator()(int block) const {
-        std::int64_t low = 0, high = static_cast<std::int64_t>(sorted_blocks.count);
+        std::int64_t low = 0, high = std::int64_t(sorted_blocks.count);
         while (low < high) {
             const std::int64_t middle = (low + high) / 2;
-            if (sorted_blocks[middle] < static_cast<std::uint32_t>(block))
+            if (sorted_blocks[middle] < std::uint32_t(block))
                 low = middle + 1;
             else
                 high = middle;
@@ -109,7 +108,7 @@ struct VoterBlockBody {
             const int middle = (low + high) / 2;
             (voter_begin[middle] <= std::int64_t(place[t]) ? low : high) = middle;
         }
-        voter_block[t] = static_cast<std::uint32_t>(low);
+        voter_block[t] = std::uint32_t(low);
     }
 };
 
@@ -215,7 +214,7 @@ void add_tiles(NeighbourScratch<Device>& s,
                int first,
                int k,
                EdgeTiles<Device>& tiles) {
-    const int voters = static_cast<int>(receivers.size() / std::size_t(k));
+    const int voters = int(receivers.size() / std::size_t(k));
     const int blocks = blocks_of(voters, EdgeTile::kVoters);
     const int done = first / EdgeTile::kVoters;
     s.cursors.resize(blocks);
@@ -228,16 +227,16 @@ void add_tiles(NeighbourScratch<Device>& s,
     std::int64_t added = 0;
     copy(Device{}, s.begin.data() + blocks, Cpu{}, &added, sizeof(added));
 
-    const std::size_t needed = tiles.count + static_cast<std::size_t>(added);
+    const std::size_t needed = tiles.count + std::size_t(added);
     if (needed > tiles.tiles.size()) {
         // The remaining voters will need about as many tiles per voter.
-        const double all = static_cast<double>(tiles.voter_begin.size() - 1);
-        const double guess = 1.02 * static_cast<double>(needed) * all / (done + blocks);
-        resize_tiles(tiles, done + blocks < all ? static_cast<std::size_t>(guess) : needed);
+        const double all = double(tiles.voter_begin.size() - 1);
+        const double guess = 1.02 * double(needed) * all / (done + blocks);
+        resize_tiles(tiles, done + blocks < all ? std::size_t(guess) : needed);
     }
     body.counts = {};
     body.begin = s.begin.span();
-    body.used = static_cast<std::int64_t>(tiles.count);
+    body.used = std::int64_t(tiles.count);
     body.tiles = tiles.tiles.span();
     body.receiver_block = tiles.receiver_block.span();
     body.voter_begin = tiles.voter_begin.data() + done;
@@ -249,7 +248,7 @@ void add_tiles(NeighbourScratch<Device>& s,
 template <class Device>
 void index_tiles(NeighbourScratch<Device>& s, Neighbours<Device>& out) {
     EdgeTiles<Device>& tiles = out.tiles;
-    const int count = static_cast<int>(tiles.count);
+    const int count = int(tiles.count);
     const int blocks = blocks_of(out.usable, EdgeTile::kReceivers);
     if (tiles.tiles.size() > tiles.count + tiles.count / 8) resize_tiles(tiles, tiles.count);
     reserve(tiles.place, tiles.count), reserve(tiles.voter_block, tiles.count);

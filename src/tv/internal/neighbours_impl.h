@@ -52,7 +52,7 @@ struct SizesBody {
     float* out;
     TVSGS_HD void operator()(int) const {
         out[0] = sorted_traces[middle];
-        out[1] = noise == nullptr ? 0.0f : static_cast<float>(*noise);
+        out[1] = noise == nullptr ? 0.0f : float(*noise);
     }
 };
 
@@ -74,7 +74,7 @@ struct CodeBody {
     Span<std::uint64_t> codes;
 
     TVSGS_HD void operator()(int rank) const {
-        const int i = static_cast<int>(order[rank]);
+        const int i = int(order[rank]);
         const MortonCode code = code_in_box(splats.means[i], quantiles);
         codes[rank] = !splats.usable(i) ? ~0ull : high_word ? code.high : code.low;
     }
@@ -132,9 +132,8 @@ struct QueryBody {
         const int found =
             search.run(position, moves ? voter : -1, moves ? voter : near(position, usable));
         const Mat3f W = whitened_from_world(
-            moves
-                ? splats.whitening<float>(static_cast<int>(tree.points[voter].index), rule, *noise)
-                : fixed.whitening<float>(f));
+            moves ? splats.whitening<float>(int(tree.points[voter].index), rule, *noise)
+                  : fixed.whitening<float>(f));
         for (int r = warp.lane(); r < found; r += Warp::kLanes) {
             const std::uint32_t receiver = key_rank(keys[r]);
             const Vec3f d = W * (tree.points[receiver].position - position);
@@ -189,7 +188,7 @@ void count_usable(const NeighbourQuery& query,
     s.values.resize(count);
     parallel_for(Device{}, count, TraceBody{query.splats, s.values.span()});
     // Waits for the device: the size of all later steps depends on this number.
-    out.usable = static_cast<int>(sum_on_host(s, count, UsableTerm{s.values.span()}));
+    out.usable = int(sum_on_host(s, count, UsableTerm{s.values.span()}));
     if (out.usable < 2) return;
     sort(s.values, s.sort);
     s.stats.resize(8);
@@ -197,7 +196,7 @@ void count_usable(const NeighbourQuery& query,
     parallel_for(Device{}, 1,
                  SizesBody{s.values.span(), out.usable / 2, query.noise, s.stats.data()});
     const std::vector<float> stats = to_host(s.stats);
-    out.median_trace = stats[0], out.noise = static_cast<double>(stats[1]);
+    out.median_trace = stats[0], out.noise = double(stats[1]);
 }
 
 /// Sorts the usable splats in Morton order in the box of the 0.1 % and 99.9 % quantiles.

@@ -38,8 +38,8 @@ struct CentreRoundBody {
         const Real strong = warp.sum(s.strong);
         if (warp.lane() != 0) return;
         sums[rank] = {float(T.xx), float(T.xy), float(T.xz), float(T.yy), float(T.yz), float(T.zz)};
-        strengths[rank] = static_cast<float>(std::sqrt(squares / (votes > 1 ? votes : Real(1))));
-        strong_votes[rank] = static_cast<float>(strong);
+        strengths[rank] = float(std::sqrt(squares / (votes > 1 ? votes : Real(1))));
+        strong_votes[rank] = float(strong);
     }
 };
 
@@ -65,7 +65,7 @@ struct EigenBody {
         const int flag = !voted.valid
                              ? flags[i] & kHasTensor
                              : kHasTensor | kValidNow | (voted.has_normal ? kNormalValid : 0);
-        flags[i] = static_cast<std::uint8_t>(flag);
+        flags[i] = std::uint8_t(flag);
         rank_normals[rank].v = voted.has_normal ? voted.normal : Vec3f{};
     }
 };
@@ -107,9 +107,8 @@ struct VariabilityBody {
 /// 95th percentile of the first `count` sorted values, by linear interpolation.
 TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
     const double position = 0.95 * (count - 1);
-    const auto low = static_cast<int>(position), high = low + 1 < count ? low + 1 : low;
-    return static_cast<float>(sorted[low] +
-                              (double(sorted[high]) - double(sorted[low])) * (position - low));
+    const auto low = int(position), high = low + 1 < count ? low + 1 : low;
+    return float(sorted[low] + (double(sorted[high]) - double(sorted[low])) * (position - low));
 }
 
 /// Selects the splats that take part in the position loss.
@@ -159,7 +158,7 @@ struct InheritBody {
 struct KeepFlagsBody {
     int kept;
     Span<std::uint8_t> flags;
-    TVSGS_HD void operator()(int i) const { flags[i] &= static_cast<std::uint8_t>(kept); }
+    TVSGS_HD void operator()(int i) const { flags[i] &= std::uint8_t(kept); }
 };
 
 }  // namespace tvsgs::detail

@@ -16,8 +16,7 @@ inline WhitenRule whiten_rule(const TvOptions& o, float flatness_limit) {
 
 inline VoteRule vote_rule(const TvOptions& o) {
     const double sine = std::sin(o.max_vote_angle_deg * kPi / 180);
-    return {o.vote_map == VoteMap::unit,
-            o.max_vote_angle_deg < 90 ? static_cast<float>(sine * sine) : 2.0f};
+    return {o.vote_map == VoteMap::unit, o.max_vote_angle_deg < 90 ? float(sine * sine) : 2.0f};
 }
 
 /// A whitening rule with the scales of voting that belong to it.
@@ -112,12 +111,11 @@ struct VotingEvent {
         s.total(kValidCount, splats.size(), FlagTerm{kNormalValid, field.flags.span()});
         sort_copy(s.variability, s.sorted_variability);
         sort_copy(s.strengths, s.sorted_strengths);
-        parallel_for(
-            Device{}, usable,
-            MaskBody{ranks, static_cast<float>(options.min_votes), s.totals.data() + kValidCount,
-                     s.variability.span(), s.strengths.span(), s.sorted_variability.span(),
-                     s.sorted_strengths.span(), s.strong_votes.span(), field.flags.span(),
-                     s.left_out.span()});
+        parallel_for(Device{}, usable,
+                     MaskBody{ranks, float(options.min_votes), s.totals.data() + kValidCount,
+                              s.variability.span(), s.strengths.span(), s.sorted_variability.span(),
+                              s.sorted_strengths.span(), s.strong_votes.span(), field.flags.span(),
+                              s.left_out.span()});
         s.times.done("masks");
     }
 
@@ -153,8 +151,8 @@ struct VotingEvent {
                      WhiteningBody<Real>{ranks, whitened.rule, whitened.noise, records.span()});
         for_each_warp(Device{}, voters,
                       median_scratch<Device>(k) * sizeof(float) + Lists::scratch_bytes(k),
-                      TauBody<Real, Lists>{static_cast<float>(tau_per_median), k, lists,
-                                           s.means.span(), records.span(), whitened.tau.span()});
+                      TauBody<Real, Lists>{float(tau_per_median), k, lists, s.means.span(),
+                                           records.span(), whitened.tau.span()});
     }
 
     void make_records(bool ball_round, const Whitened<Device>& whitened) {

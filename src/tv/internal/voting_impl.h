@@ -30,18 +30,18 @@ VotingDetails lists_by_splat(const Neighbours<Device>& near,
                              const std::vector<int>& fixed_order = {}) {
     VotingDetails result;
     result.k = near.k;
-    result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
+    result.begin.assign(std::size_t(count) + 1, 0);
     if (near.k == 0) return result;
     const auto points = to_host(near.points);
     const HostLists lists = host_lists(near);
     const auto splat = [&](std::uint32_t voter) {
         if (voter < points.size()) return points[voter].index;
-        return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
+        return std::uint32_t(count + fixed_order[voter - points.size()]);
     };
-    result.receivers.assign(static_cast<std::size_t>(count) * near.k, 0);
-    std::vector<int> rank_of(static_cast<std::size_t>(count), -1);
+    result.receivers.assign(std::size_t(count) * near.k, 0);
+    std::vector<int> rank_of(std::size_t(count), -1);
     for (std::size_t rank = 0; rank < points.size(); ++rank) {
-        rank_of[points[rank].index] = static_cast<int>(rank);
+        rank_of[points[rank].index] = int(rank);
         for (int r = 0; r < near.k; ++r)
             result.receivers[std::size_t(points[rank].index) * near.k + r] =
                 points[lists.receivers[rank * near.k + r]].index;
@@ -52,7 +52,7 @@ VotingDetails lists_by_splat(const Neighbours<Device>& near,
             for (auto e = lists.begin[rank]; e < lists.begin[rank + 1]; ++e)
                 result.voters.push_back(splat(lists.voters[e]));
         std::sort(result.voters.begin() + result.begin[i], result.voters.end());
-        result.begin[i + 1] = static_cast<std::int64_t>(result.voters.size());
+        result.begin[i + 1] = std::int64_t(result.voters.size());
     }
     return result;
 }
@@ -80,8 +80,7 @@ void TensorVoter<Device>::vote(int step,
     auto& s = *state_;
     const int count = gaussians.size();
     const SplatSpans splats = splat_spans(gaussians);
-    if (static_cast<int>(field.flags.size()) != count)
-        detail::clear(count, field);  // nothing was inherited
+    if (int(field.flags.size()) != count) detail::clear(count, field);  // nothing was inherited
     s.stale = s.stale || s.listed != count;
     s.changed = false;
     s.times.begin();
@@ -234,9 +233,9 @@ void TensorVoter<Device>::set_receivers(int step,
                                         const std::vector<std::uint32_t>& receivers) {
     auto& s = *state_;
     Neighbours<Device>& near = s.neighbours;
-    const int count = static_cast<int>(receivers.size()) / k;
-    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // ranks are indices
-    for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
+    const int count = int(receivers.size()) / k;
+    std::vector<TreePoint> points(count);  // ranks are indices
+    for (int i = 0; i < count; ++i) points[i] = {{}, std::uint32_t(i)};
     std::vector<std::uint32_t> sorted = receivers;
     for (auto row = sorted.begin(); row != sorted.end(); row += k) std::sort(row, row + k);
     copy(points, near.points);

@@ -42,7 +42,7 @@ struct Ranks {
 
     TVSGS_HD int usable() const { return points.size(); }
     TVSGS_HD int size() const { return points.size() + fixed.size(); }
-    TVSGS_HD int splat(int rank) const { return static_cast<int>(points[rank].index); }
+    TVSGS_HD int splat(int rank) const { return int(points[rank].index); }
     /// Splats change between searches, so a splat may have become non-finite.
     TVSGS_HD bool usable(int voter) const {
         return voter >= usable() || splats.usable(splat(voter));
@@ -142,7 +142,7 @@ struct TauBody {
             const auto* list = lists.receivers_of(warp, voter, values + Warp::median_scratch(k));
             scale = tau_per_median * warp.median(k, values, [&](int r) {
                 const Vec3<Real> at = vec_cast<Real>(means[list[r]].v);
-                return static_cast<float>(norm(record.W * (at - record.mean)));
+                return float(norm(record.W * (at - record.mean)));
             });
         }
         if (warp.lane() == 0) tau[voter] = scale;
@@ -197,9 +197,8 @@ struct OrientationBody {
         const double saliency = l.y - l.z;
         const double unit =
             literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : l.x;
-        voter_strengths[voter] = unit > 0 && saliency >= kMinVotingGap * l.x
-                                     ? static_cast<float>(saliency / unit)
-                                     : 0.0f;
+        voter_strengths[voter] =
+            unit > 0 && saliency >= kMinVotingGap * l.x ? float(saliency / unit) : 0.0f;
     }
 };
 

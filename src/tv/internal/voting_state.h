@@ -98,7 +98,7 @@ struct VotingState {
     /// The sum on the host. Waits for the device.
     template <class Term>
     std::int64_t total_on_host(int count, const Term& term) {
-        return static_cast<std::int64_t>(sum_on_host(scratch, count, term));
+        return std::int64_t(sum_on_host(scratch, count, term));
     }
 
     std::size_t bytes() const {

@@ -160,7 +160,7 @@ template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
     [[maybe_unused]] const bool wide = has_wide_packs();
     const std::size_t words = scratch_bytes / sizeof(std::uint64_t) + 1;
-    std::vector<std::vector<std::uint64_t>> scratch(static_cast<std::size_t>(thread_count()));
+    std::vector<std::vector<std::uint64_t>> scratch(thread_count());
     run_ranges(count, 16, [&](int begin, int end, int slot) {
         auto& memory = scratch[slot];
         memory.resize(words);
@@ -206,7 +206,7 @@ inline void sort_by_key(Buffer<std::uint64_t, Cpu>& keys,
 namespace detail {
 struct IotaBody {
     Span<std::uint32_t> values;
-    TVSGS_HD void operator()(int i) const { values[i] = static_cast<std::uint32_t>(i); }
+    TVSGS_HD void operator()(int i) const { values[i] = std::uint32_t(i); }
 };
 }  // namespace detail
 
@@ -217,12 +217,12 @@ inline void stable_order(Span<const std::uint32_t> keys,
                          Span<std::uint32_t> order,
                          Buffer<std::uint32_t, Cpu>& /*spare*/,
                          SortScratch<Cpu>&) {
-    std::vector<std::size_t> next(static_cast<std::size_t>(limit) + 1, 0);
+    std::vector<std::size_t> next(std::size_t(limit) + 1, 0);
     for (const std::uint32_t key : keys) ++next[key + std::size_t(1)];
     for (std::size_t key = 0; key + 1 < next.size(); ++key) next[key + 1] += next[key];
     for (std::size_t i = 0; i < keys.count; ++i) {
         const std::size_t to = next[keys[i]]++;
-        sorted[to] = keys[i], order[to] = static_cast<std::uint32_t>(i);
+        sorted[to] = keys[i], order[to] = std::uint32_t(i);
     }
 }
 
@@ -232,7 +232,7 @@ void exclusive_scan(const Term& term, Buffer<std::int64_t, Cpu>& out, SortScratc
     std::int64_t sum = 0;
     for (std::size_t i = 0; i < out.size(); ++i) {
         out[i] = sum;
-        sum += term(static_cast<std::int64_t>(i));
+        sum += term(std::int64_t(i));
     }
 }
 

@@ -25,9 +25,9 @@ struct CudaWarp {
 
     TVSGS_HD static int median_scratch(int /*count*/) { return 0; }
 
-    TVSGS_HD int lane() const { return static_cast<int>(threadIdx.x % 32); }
+    TVSGS_HD int lane() const { return int(threadIdx.x % 32); }
     TVSGS_HD void sync() const { __syncwarp(); }
-    TVSGS_HD static int lowest_bit(std::uint32_t mask) { return __ffs(static_cast<int>(mask)) - 1; }
+    TVSGS_HD static int lowest_bit(std::uint32_t mask) { return __ffs(int(mask)) - 1; }
     template <class T>
     TVSGS_HD T sum(T x) const {  // the same tree, hence the same bits, in all lanes
         for (int offset = 16; offset > 0; offset /= 2) x += __shfl_xor_sync(kAll, x, offset);
@@ -146,7 +146,7 @@ private:
             std::uint32_t of_lane = 0;
 #pragma unroll
             for (int r = 0; r < kPerLane; ++r) of_lane += words[r] <= middle;
-            const int count = static_cast<int>(warp_sum(of_lane));
+            const int count = int(warp_sum(of_lane));
             if (count >= wanted) {
                 high = middle;
                 if (count == wanted) break;
@@ -164,8 +164,8 @@ private:
         for (int r = 0; r < kPerLane; ++r) {
             const int i = r * 32 + lane();
             const std::uint64_t key = i < count ? keys[i] : ~0ull;
-            high[r] = static_cast<std::uint32_t>(key >> 32);
-            low[r] = static_cast<std::uint32_t>(key);
+            high[r] = std::uint32_t(key >> 32);
+            low[r] = std::uint32_t(key);
         }
         sync();
         const std::uint32_t last = kth_word(high, wanted);
@@ -187,16 +187,15 @@ private:
 #pragma unroll
         for (int r = 0; r < kPerLane; ++r) {
             const bool accepted = high[r] < last || (high[r] == last && low[r] <= last_low);
-            const std::uint64_t key = static_cast<std::uint64_t>(high[r]) << 32 | low[r];
+            const std::uint64_t key = std::uint64_t(high[r]) << 32 | low[r];
             const bool real = r * 32 + lane() < count;
             kept += append(keys + kept, key, accepted && real);
             if (accepted && real && key > largest) largest = key;
         }
         sync();
-        const std::uint32_t top = ~warp_min(~static_cast<std::uint32_t>(largest >> 32));
-        const bool mine = static_cast<std::uint32_t>(largest >> 32) == top;
-        return static_cast<std::uint64_t>(top) << 32 |
-               ~warp_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
+        const std::uint32_t top = ~warp_min(~std::uint32_t(largest >> 32));
+        const bool mine = std::uint32_t(largest >> 32) == top;
+        return std::uint64_t(top) << 32 | ~warp_min(mine ? ~std::uint32_t(largest) : 0xffffffffu);
     }
 };
 #else
@@ -227,8 +226,8 @@ template <class Body>
 __global__ void __launch_bounds__(256, min_blocks<Body>())
     warp_kernel(int count, int warp_bytes, const __grid_constant__ Body body) {
     extern __shared__ __align__(16) unsigned char shared[];
-    const int in_block = static_cast<int>(threadIdx.x / 32);
-    const int i = static_cast<int>(blockIdx.x * (blockDim.x / 32)) + in_block;
+    const int in_block = int(threadIdx.x / 32);
+    const int i = int(blockIdx.x * (blockDim.x / 32)) + in_block;
     if (i < count)
         body(CudaWarp{}, i, static_cast<void*>(shared + std::size_t(in_block) * warp_bytes));
 }
@@ -242,7 +241,7 @@ void for_each_warp(Cuda, int count, std::size_t scratch_bytes, const Body& body)
     int warps = 8;  // near in space: they share cached memory
     while (warps > 1 && bytes * warps > kBlockBytes) warps /= 2;
     detail::warp_kernel<<<(count + warps - 1) / warps, 32 * warps, bytes * warps>>>(
-        count, static_cast<int>(bytes), body);
+        count, int(bytes), body);
     check_launch();
 }
 
@@ -256,7 +255,7 @@ void with_temporary(SortScratch<Cuda>& scratch, const Run& run) {
 }
 
 inline void sort(Buffer<float, Cuda>& keys, SortScratch<Cuda>& scratch) {
-    const int count = static_cast<int>(keys.size());
+    const int count = int(keys.size());
     if (count == 0) return;
     scratch.floats.resize(keys.size());
     cub::DoubleBuffer<float> both(keys.data(), scratch.floats.data());
@@ -269,7 +268,7 @@ inline void sort(Buffer<float, Cuda>& keys, SortScratch<Cuda>& scratch) {
 inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
                         Buffer<std::uint32_t, Cuda>& values,
                         SortScratch<Cuda>& scratch) {
-    const int count = static_cast<int>(keys.size());
+    const int count = int(keys.size());
     if (count == 0) return;
     scratch.keys.resize(keys.size());
     scratch.values.resize(keys.size());
@@ -296,9 +295,8 @@ inline void stable_order(Span<const std::uint32_t> keys,
     cub::DoubleBuffer<std::uint32_t> by_key(sorted.data, spare.data()),
         places(order.data, spare.data() + count);
     with_temporary(scratch, [&](void* memory, std::size_t& bytes) {
-        return cub::DeviceRadixSort::SortPairs(
-            memory, bytes, by_key, places, static_cast<std::int64_t>(count), 0,
-            static_cast<int>(std::bit_width(static_cast<std::uint32_t>(limit))));
+        return cub::DeviceRadixSort::SortPairs(memory, bytes, by_key, places, std::int64_t(count),
+                                               0, int(std::bit_width(std::uint32_t(limit))));
     });
     if (by_key.Current() != sorted.data)
         detail::copy(Cuda{}, by_key.Current(), Cuda{}, sorted.data, key_bytes);
@@ -313,7 +311,7 @@ void exclusive_scan(const Term& term, Buffer<std::int64_t, Cuda>& out, SortScrat
         thrust::make_transform_iterator(thrust::make_counting_iterator<std::int64_t>(0), term);
     with_temporary(scratch, [&](void* memory, std::size_t& bytes) {
         return cub::DeviceScan::ExclusiveSum(memory, bytes, terms, out.data(),
-                                             static_cast<std::int64_t>(out.size()));
+                                             std::int64_t(out.size()));
     });
 }
 
