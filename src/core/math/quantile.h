@@ -21,6 +21,16 @@ T quantile(std::vector<T>& values, double share) {
     return low + static_cast<T>(at - static_cast<double>(below)) * (*next - low);
 }
 
+/// The entry at `percent` % of N - 1, rounded down, in ascending order. Reorders `values`, which
+/// must not be empty.
+template <class T>
+T percentile(std::vector<T>& values, std::size_t percent) {
+    const auto at =
+        values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) * percent / 100);
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
+}
+
 /// The entry at half the size in ascending order, the upper median. Reorders `values`, which must
 /// not be empty.
 template <class T>

@@ -7,6 +7,7 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/point_forest.h"
+#include "core/math/quantile.h"
 #include "core/math/rng.h"
 #include "render/tiles/sh_math.h"
 
@@ -109,10 +110,7 @@ float median_depth(const Scene& scene) {
             const float z = (view.camera.camera_from_world * scene.points.positions[i]).z;
             if (z > 0) depths.push_back(z);
         }
-    if (depths.empty()) return 0;
-    const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
-    std::nth_element(depths.begin(), middle, depths.end());
-    return *middle;
+    return depths.empty() ? 0 : middle_of(depths);
 }
 
 float guard_unit(const Scene& scene) {

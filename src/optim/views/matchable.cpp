@@ -6,6 +6,7 @@
 
 #include "core/device/parallel.h"
 #include "core/log.h"
+#include "core/math/quantile.h"
 #include "core/progress.h"
 #include "core/scene/photo_light.h"
 #include "core/scene/view_frustum.h"
@@ -48,10 +49,7 @@ double depth_of_view(const Camera& camera, const std::vector<Vec3f>& points, std
         if (is_in_view(camera, points[i])) seen.push_back(z);
     }
     std::vector<double>& depths = seen.empty() ? before : seen;
-    if (depths.empty()) return 0;
-    const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
-    std::nth_element(depths.begin(), middle, depths.end());
-    return *middle;
+    return depths.empty() ? 0 : middle_of(depths);
 }
 
 Matchable::Matchable(const View& view,

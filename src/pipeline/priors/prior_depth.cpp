@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/math/quantile.h"
 #include "core/scene/prior_maps.h"
 #include "io/files/read_file.h"
 #include "mvs/priors/prior_fit.h"
@@ -75,12 +76,7 @@ bool stretch(std::vector<float>& values) {
     std::ranges::copy_if(values, std::back_inserter(sorted),
                          [](float v) { return !std::isnan(v); });
     if (sorted.empty()) return false;
-    const auto percentile = [&](std::size_t percent) {
-        const auto at = sorted.begin() + std::ptrdiff_t((sorted.size() - 1) * percent / 100);
-        std::nth_element(sorted.begin(), at, sorted.end());
-        return *at;
-    };
-    const float low = percentile(2), high = percentile(98);
+    const float low = percentile(sorted, 2), high = percentile(sorted, 98);
     const float spread = high > low ? high - low : 1;
     for (float& value : values) value = (value - low) / spread;
     return true;
@@ -125,10 +121,7 @@ double median_residual(const std::vector<FittedView>& views) {
     std::vector<double> residuals;
     for (const FittedView& v : views)
         if (v.fit.found && !v.left_out && !v.samples.empty()) residuals.push_back(v.fit.residual);
-    if (residuals.empty()) return 0;
-    const auto middle = residuals.begin() + std::ptrdiff_t(residuals.size() / 2);
-    std::nth_element(residuals.begin(), middle, residuals.end());
-    return *middle;
+    return residuals.empty() ? 0 : middle_of(residuals);
 }
 
 std::string percent(double share) {

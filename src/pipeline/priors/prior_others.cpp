@@ -7,6 +7,7 @@
 #include "core/device/parallel_lists.h"
 #include "core/grouped.h"
 #include "core/log.h"
+#include "core/math/quantile.h"
 #include "core/scene/prior_maps.h"
 #include "io/files/read_file.h"
 #include "mvs/priors/prior_fit.h"
@@ -70,10 +71,9 @@ PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const 
         for (std::size_t c = 0; c < 3; ++c) numbers[i + c] = known ? n[int(c)] / length : kNaN;
     }
     if (lengths.empty()) return placed;
-    const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
-    std::nth_element(lengths.begin(), middle, lengths.end());
-    if (!(*middle > 0.8f && *middle < 1.2f))
-        throw input_error("E_PRIORS: ", file.path, ": median length of the normals ", *middle,
+    const float middle = middle_of(lengths);
+    if (!(middle > 0.8f && middle < 1.2f))
+        throw input_error("E_PRIORS: ", file.path, ": median length of the normals ", middle,
                           "; expected 1, as numbers in [-1, 1] or as (n + 1) / 2");
     return placed;
 }

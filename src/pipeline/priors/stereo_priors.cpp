@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/device/parallel.h"
+#include "core/math/quantile.h"
 #include "core/scene/prior_maps.h"
 #include "mvs/stereo/depth_completion.h"
 #include "mvs/stereo/mvs_math.h"
@@ -106,12 +107,7 @@ std::vector<float> order_of(const StereoMaps& maps) {
     std::vector<float> measured;
     for (std::size_t i = 0; i < maps.depth.size(); ++i)
         if (is_measured(maps.confidence[i])) measured.push_back(maps.depth[i]);
-    const auto percentile = [&](std::size_t percent) {
-        const auto at = measured.begin() + std::ptrdiff_t((measured.size() - 1) * percent / 100);
-        std::nth_element(measured.begin(), at, measured.end());
-        return *at;
-    };
-    const float low = percentile(2), high = percentile(98);
+    const float low = percentile(measured, 2), high = percentile(measured, 98);
     // A wall seen frontally has no depth range.
     const float range = std::max(high - low, 1e-4f * low);
     std::vector<float> order;

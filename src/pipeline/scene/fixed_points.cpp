@@ -8,6 +8,7 @@
 #include "core/grouped.h"
 #include "core/log.h"
 #include "core/math/point_tree.h"
+#include "core/math/quantile.h"
 #include "eval/points.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
@@ -31,10 +32,7 @@ std::vector<Vec3f> sampled(const std::vector<Vec3f>& points) {
 }
 
 double median(std::vector<double> values) {
-    if (values.empty()) return 0;
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
+    return values.empty() ? 0 : middle_of(values);
 }
 
 /// Inverse of a similarity, which may mirror.
