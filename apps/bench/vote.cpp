@@ -99,9 +99,10 @@ Measured measure(const Gaussians<Cpu>& cloud,
         event(true);
         profile = voter.profile();
         double rebuild = 0, round = 0;
-        for (const VotingStage& stage : profile.stages) {
-            out.timings.add(stage.name, stage.ms);
-            (is_rebuild(stage.name) ? rebuild : round) += stage.ms;
+        for (const StageTime& stage : profile.stages) {
+            const double ms = 1e3 * stage.seconds;
+            out.timings.add(stage.name, ms);
+            (is_rebuild(stage.name) ? rebuild : round) += ms;
         }
         out.timings.add("rebuild, sum of stages", rebuild);
         out.timings.add("event, sum of stages", round);

@@ -8,6 +8,7 @@
 
 #include "core/options.h"
 #include "core/scene/gaussians.h"
+#include "core/stage_clock.h"
 #include "tv/internal/neighbour_lists.h"
 
 namespace tvsgs {
@@ -126,16 +127,10 @@ struct FixedVoters {
     int size() const { return int(means.size()); }
 };
 
-/// Time of one stage of an event.
-struct VotingStage {
-    std::string name;
-    double ms;
-};
-
 /// Time of the stages of the last event, while profiling is on: "keys", "tree", "search", "reverse"
 /// if lists were rebuilt; "records", "centres", "eigen", "masks", "virtual".
 struct VotingProfile {
-    std::vector<VotingStage> stages;
+    std::vector<StageTime> stages;
     std::size_t bytes = 0;  // of lists and scratch memory, on the device
 };
 

@@ -176,7 +176,7 @@ TEST(EdgeTiles, ChunksMakeTheSame) {
             copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(count) * k), rows);
             ++chunks;
         };
-        detail::store_lists(scratch, near, search, {}, chunk_edges);
+        detail::store_lists(scratch, near, search, ignore_stage, chunk_edges);
         EXPECT_EQ(chunks, chunk_edges == 1 ? 32 : chunk_edges == 1 << 20 ? 1 : 11);
         const detail::HostLists lists = detail::host_lists(near);
         EXPECT_EQ(lists.receivers, receivers);

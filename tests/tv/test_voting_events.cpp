@@ -164,8 +164,10 @@ TYPED_TEST(VotingEvents, WithoutTargetsNoVirtualReceivers) {
     TensorField<TypeParam> a, b;
     without.set_profiling(true);
     for (const int step : {1, 11}) with.vote(step, g, a), without.vote(step, g, b, false);
-    for (const VotingStage& stage : without.profile().stages)
-        EXPECT_TRUE(stage.name != "virtual" && stage.name != "masks") << stage.name;
+    for (const StageTime& stage : without.profile().stages) {
+        const std::string_view name = stage.name;
+        EXPECT_TRUE(name != "virtual" && name != "masks") << name;
+    }
     const auto normals = to_host(a.normals), same_normals = to_host(b.normals);
     const auto targets = to_host(b.targets), means = to_host(g.means);
     const auto flags = to_host(a.flags), flags_without = to_host(b.flags);

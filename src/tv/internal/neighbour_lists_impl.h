@@ -281,11 +281,8 @@ template <class Device, class Search>
 void store_lists(NeighbourScratch<Device>& s,
                  Neighbours<Device>& out,
                  const Search& search,
-                 const StageDone& done = {},
+                 const StageDone& done = ignore_stage,
                  int chunk_edges = 8 << 20) {  // 32 MB in the compact form
-    const auto finish = [&](const char* stage) {
-        if (done) done(stage);
-    };
     const bool full = out.storage == ListStorage::full;
     const int chunk =
         full ? out.voters_count
@@ -296,16 +293,16 @@ void store_lists(NeighbourScratch<Device>& s,
         const int count = std::min(chunk, out.voters_count - first);
         rows.resize(std::size_t(count) * out.k);
         search(first, count, rows);
-        finish("search");
+        done("search");
         add_tiles(s, rows, first, out.k, out.tiles);
-        finish("reverse");
+        done("reverse");
     }
     index_tiles(s, out);
     if (full) {
         write_full_lists(s, out);
         free_memory(out.tiles, s.rows);
     }
-    finish("reverse");
+    done("reverse");
 }
 
 }  // namespace tvsgs::detail

@@ -107,6 +107,7 @@ struct NeighbourQuery {
 
 /// Called with the name of each finished stage: "keys", "tree", "search", "reverse".
 using StageDone = std::function<void(const char*)>;
+inline void ignore_stage(const char* /*name*/) {}
 
 /// For each voter, finds the 2k nearest usable splats except itself, and keeps the k of them that
 /// are nearest in its whitened space; ties by rank. Exact for all inputs. Excludes splats with
@@ -115,6 +116,6 @@ template <class Device>
 void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Device>& s,
                      Neighbours<Device>& out,
-                     const StageDone& done = {});
+                     const StageDone& done = ignore_stage);
 
 }  // namespace tvsgs

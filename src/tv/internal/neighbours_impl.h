@@ -230,14 +230,11 @@ void find_neighbours(const NeighbourQuery& query,
                      Neighbours<Device>& out,
                      const StageDone& done) {
     using namespace detail;
-    const auto finish = [&](const char* stage) {
-        if (done) done(stage);
-    };
     out.k = 0;
     count_usable(query, s, out);
     if (out.usable < 2) return;
     sort_points(query.splats, s, out);
-    finish("keys");
+    done("keys");
 
     MortonTree tree;
     s.nodes.resize(set_tree_shape(tree, out.usable));
@@ -245,7 +242,7 @@ void find_neighbours(const NeighbourQuery& query,
     tree.nodes = s.nodes.span();
     for (int level = 0; level < tree.levels; ++level)
         parallel_for(Device{}, tree.level_size[level], TreeNodeBody{tree, level});
-    finish("tree");
+    done("tree");
 
     const int wanted = std::min(2 * query.k, out.usable - 1), capacity = search_capacity(wanted);
     out.k = std::min(query.k, wanted);

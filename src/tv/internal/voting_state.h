@@ -1,7 +1,10 @@
 // State of a TensorVoter between events: lists, scratch memory and timings.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
+#include <string_view>
+#include <utility>
 
 #include "core/device/parallel.h"
 #include "tv/internal/neighbours_impl.h"
@@ -17,7 +20,7 @@ template <class Device>
 class StageTimes {
 public:
     bool on = false;
-    std::vector<VotingStage> stages;
+    std::vector<StageTime> stages;  // adds up the times of one name
 
     void begin() {
         if (!on) return;
@@ -26,9 +29,12 @@ public:
     }
     void done(const char* name) {
         if (!on) return;
-        const auto time = now();
-        stages.push_back({name, std::chrono::duration<double, std::milli>(time - last_).count()});
-        last_ = time;
+        const auto begin = std::exchange(last_, now());
+        auto stage = std::find_if(stages.begin(), stages.end(), [&](const StageTime& known) {
+            return std::string_view(known.name) == name;
+        });
+        if (stage == stages.end()) stage = stages.insert(stage, {name, 0});
+        stage->seconds += std::chrono::duration<double>(last_ - begin).count();
     }
 
 private:
