@@ -6,8 +6,8 @@
 
 #include "io/scene/scene_reader.h"
 #include "optim/loop/train.h"
-#include "plan/decision.h"
 #include "plan/look.h"
+#include "plan/settings.h"
 
 namespace tvsgs {
 

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "plan/decision.h"
 #include "plan/memory.h"
+#include "plan/settings.h"
 
 namespace tvsgs {
 

@@ -6,7 +6,6 @@
 
 #include "io/config/config.h"
 #include "optim/loop/schedule.h"
-#include "optim/loop/time_budget.h"
 
 namespace tvsgs {
 namespace {

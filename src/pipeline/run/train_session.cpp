@@ -6,7 +6,7 @@
 #include "core/log.h"
 #include "io/splats/ply.h"
 #include "optim/growth/fixed_splats.h"
-#include "optim/loop/time_budget.h"
+#include "optim/loop/schedule.h"
 #include "pipeline/run/checkpoints.h"
 #include "pipeline/run/live_snapshots.h"
 #include "pipeline/run/progress.h"
