@@ -73,28 +73,23 @@ ChildProcess::Command command_of(const BlocksManifest& manifest,
 }
 
 /// Progress of all blocks: rewritten in place on a terminal, else one line per block every 10 s.
-class ProgressView {
-public:
-    void show(const std::vector<BlockProgress>& running, int done, int waiting) {
-        const ProgressStyle style = progress_style();
-        if (style == ProgressStyle::quiet || style == ProgressStyle::json) return;
-        const double now = steady_seconds();
-        if (now - shown_ < (progress_in_place() ? kInPlace : kPlain)) return;
-        shown_ = now;
-        std::vector<std::string> lines;
-        for (const BlockProgress& b : running)
-            lines.push_back(
-                progress_text(str("block ", b.block, " on ", b.place), b.seconds, b.share, b.left));
-        if (progress_in_place())
-            lines.push_back(
-                str(done, " blocks done, ", running.size(), " training, ", waiting, " waiting"));
-        show_progress_lines(lines);
-    }
-
-private:
-    static constexpr double kInPlace = 0.2, kPlain = 10;  // seconds
-    double shown_ = steady_seconds();
-};
+/// `shown`: time of the last call that showed it.
+void show_blocks(const std::vector<BlockProgress>& running, int done, int waiting, double& shown) {
+    constexpr double kInPlace = 0.2, kPlain = 10;  // seconds
+    const ProgressStyle style = progress_style();
+    if (style == ProgressStyle::quiet || style == ProgressStyle::json) return;
+    const double now = steady_seconds();
+    if (now - shown < (progress_in_place() ? kInPlace : kPlain)) return;
+    shown = now;
+    std::vector<std::string> lines;
+    for (const BlockProgress& b : running)
+        lines.push_back(
+            progress_text(str("block ", b.block, " on ", b.place), b.seconds, b.share, b.left));
+    if (progress_in_place())
+        lines.push_back(
+            str(done, " blocks done, ", running.size(), " training, ", waiting, " waiting"));
+    show_progress_lines(lines);
+}
 
 }  // namespace
 
@@ -130,12 +125,11 @@ int run_all_blocks(const RunArguments& a) {
         line.set("block", double(block));
         std::fprintf(stderr, "%s\n", json_text(line).c_str());
     };
-    ProgressView view;
-    schedule.show = [&](const std::vector<BlockProgress>& running, int done, int waiting) {
-        view.show(running, done, waiting);
-    };
-
     const double begin = steady_seconds();
+    double shown = begin;
+    schedule.show = [&](const std::vector<BlockProgress>& running, int done, int waiting) {
+        show_blocks(running, done, waiting, shown);
+    };
     const std::vector<BlockFailure> failures = run_blocks(jobs, schedule);
     if (failures.empty()) {
         spdlog::info("All {} blocks are done, {} of them in {:.0f} s", manifest.count(),

@@ -74,16 +74,10 @@ public:
 
 private:
     static std::string type_name(const Option& option) {
-        switch (option.kind) {
-            case Option::Kind::integer:
-                return "INT";
-            case Option::Kind::real:
-                return "FLOAT";
-            case Option::Kind::choice:
-                return "{" + CLI::detail::join(option.choices, ",") + "}";
-            default:
-                return "TEXT";
-        }
+        if (option.kind == Option::Kind::integer) return "INT";
+        if (option.kind == Option::Kind::real) return "FLOAT";
+        if (option.kind != Option::Kind::choice) return "TEXT";
+        return "{" + CLI::detail::join(option.choices, ",") + "}";
     }
 
     CLI::App& app_;

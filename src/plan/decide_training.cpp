@@ -336,15 +336,11 @@ private:
                                   percent(look_.views_in_wide_pairs), " within ", kWideAngleDeg);
         if (in_.dense) {
             plan_.push_back({"multi-view", choice, pairs, look_.views_in_wide_pairs, 0, settings});
-            add_brief(on);
-            return;
+        } else {
+            by_cloud("multi-view", choice, settings);
+            plan_.back().reason += str("; ", pairs);
         }
-        by_cloud("multi-view", choice, settings);
-        plan_.back().reason += str("; ", pairs);
-        add_brief(on);
-    }
-    void add_brief(bool compares) {
-        if (!compares) plan_.back().brief = "photographs too far apart to compare";
+        if (!on) plan_.back().brief = "photographs too far apart to compare";
     }
 
     /// Not with a sky, nor where masks leave out a part of the photographs.

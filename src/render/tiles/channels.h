@@ -25,14 +25,9 @@ constexpr Channels channels_of(Maps maps, Maps plane = kGeometryMaps) {
 /// Calls run() as a template of the channels.
 template <class Run>
 void with_channels(Channels channels, const Run& run) {
-    switch (channels) {
-        case Channels::color:
-            return run.template operator()<Channels::color>();
-        case Channels::color_plane:
-            return run.template operator()<Channels::color_plane>();
-        case Channels::plane:
-            return run.template operator()<Channels::plane>();
-    }
+    if (channels == Channels::color) return run.template operator()<Channels::color>();
+    if (channels == Channels::plane) return run.template operator()<Channels::plane>();
+    run.template operator()<Channels::color_plane>();
 }
 
 }  // namespace tvsgs
