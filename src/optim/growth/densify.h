@@ -103,13 +103,12 @@ public:
             changed |= trimmed;
         }
         if (resets_opacity(step))
-            parallel_for(
-                Device{}, g.size(),
-                ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
-                                 std::as_const(g.log_scales).span(), std::as_const(g.filter).span(),
-                                 weights(), g.opacity_logits.span(),
-                                 adam.first_moments().opacity_logits.span(),
-                                 adam.second_moments().opacity_logits.span()});
+            parallel_for(Device{}, g.size(),
+                         ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
+                                          g.log_scales.span(), g.filter.span(), weights(),
+                                          g.opacity_logits.span(),
+                                          adam.first_moments().opacity_logits.span(),
+                                          adam.second_moments().opacity_logits.span()});
         return changed;
     }
 
@@ -262,7 +261,7 @@ private:
         for_each_array(
             [&](const SplatArray& array, auto& values) {
                 if (array.shape == shapes && !values.empty())
-                    gather(from, array.inherited ? cleared : std::as_const(is_new_).span(), values,
+                    gather(from, array.inherited ? cleared : is_new_.span(), values,
                            scratch_of(array, values), array.planes);
             },
             g);

@@ -144,9 +144,8 @@ private:
             parallel_for(
                 Device{}, pixels,
                 FeatureBody{pair, images.camera, features(a), features(b), images.depth.span(),
-                            images.transmittance.span(), std::as_const(nearest_).span(),
-                            objective.count.data(), share * weight, pixel_loss_.span(),
-                            objective.dL_dimages.depth.span()});
+                            images.transmittance.span(), nearest_.span(), objective.count.data(),
+                            share * weight, pixel_loss_.span(), objective.dL_dimages.depth.span()});
         };
         at_scale(prior_map::kFeatures, both ? 2.0f / 3 : 1.0f);
         if (both) at_scale(prior_map::kCoarseFeatures, 1.0f / 3);

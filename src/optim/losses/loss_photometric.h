@@ -120,11 +120,11 @@ public:
                              pixel_loss_.span());
         }
         if (masks)
-            parallel_for(Device{}, pixels,
-                         MaskPhotoVjpBody{
-                             by_, in.images.transmittance.span(), std::as_const(dL_dcolor_).span(),
-                             objective.dL_dimages.color.span(),
-                             objective.dL_dimages.transmittance.span(), pixel_loss_.span()});
+            parallel_for(
+                Device{}, pixels,
+                MaskPhotoVjpBody{by_, in.images.transmittance.span(), dL_dcolor_.span(),
+                                 objective.dL_dimages.color.span(),
+                                 objective.dL_dimages.transmittance.span(), pixel_loss_.span()});
         objective.add(pixel_loss_);
         if (expose && !exposure_.held()) exposure_.step(in.view.index, views_);
     }
@@ -166,8 +166,7 @@ private:
                                    color_.span(),
                                    photo_.data(),
                                    {behind.color[0], behind.color[1], behind.color[2]}});
-        return {std::as_const(color_).span(), std::as_const(photo_).span(), dL_dcolor_.span(),
-                by_.mask};
+        return {color_.span(), photo_.span(), dL_dcolor_.span(), by_.mask};
     }
 
     /// Runs at the first step: some terms are only made to read their needs.

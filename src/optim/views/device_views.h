@@ -67,7 +67,7 @@ public:
                         raw.resize(from.bytes);
                         detail::copy(Cpu{}, from.data, Device{}, raw.data(), from.bytes);
                     }
-                    make(std::as_const(raw).span(), views_[i], buffer);
+                    make(raw.span(), views_[i], buffer);
                 });
             hosts_.clear();
             return;
@@ -242,7 +242,7 @@ private:
         DeviceView<Device>& view = views_[upload.view];
         const Host& host = hosts_[upload.view];
         for_each_buffer(view, [&](std::size_t a, auto& buffer) {
-            if (host[a].how != How::as_is) make(std::as_const(upload.raw).span(), view, buffer);
+            if (host[a].how != How::as_is) make(upload.raw.span(), view, buffer);
         });
     }
 

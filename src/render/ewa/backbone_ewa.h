@@ -69,8 +69,8 @@ public:
             Span<const float> distance{};
             if (has_plane(channels_) && !dL_dimages.depth.empty()) {
                 resolve_depth(dL_dimages);
-                normal = std::as_const(plane_normal_).span();
-                distance = std::as_const(plane_distance_).span();
+                normal = plane_normal_.span();
+                distance = plane_distance_.span();
             }
             const auto blend_back = [&]<class Model>(const Model&) {
                 blend_tiles_vjp<Model>(
@@ -102,7 +102,7 @@ private:
         const RenderedImages<Device>& images = images_;
         parallel_for(
             Device{}, int(pixels),
-            PlaneOfDepthBody{images.camera, images.normal.span(), std::as_const(distance_).span(),
+            PlaneOfDepthBody{images.camera, images.normal.span(), distance_.span(),
                              images.depth.span(), dL_dimages.normal.span(), dL_dimages.depth.span(),
                              plane_normal_.span(), plane_distance_.span()});
     }

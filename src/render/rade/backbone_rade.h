@@ -3,7 +3,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "render/tiles/tiled_backbone.h"
@@ -64,9 +63,9 @@ public:
         }
         copy(pinholes, cameras_);
         g.filter.resize(g.means.size());
-        parallel_for(Device{}, g.size(),
-                     NearestDepthBody{std::as_const(cameras_).span(), options_.near,
-                                      std::as_const(g.means).span(), g.filter.span()});
+        parallel_for(
+            Device{}, g.size(),
+            NearestDepthBody{cameras_.span(), options_.near, g.means.span(), g.filter.span()});
         float farthest = 0;
         for (const float depth : to_host(g.filter)) farthest = std::max(farthest, depth);
         parallel_for(Device{}, g.size(),
@@ -122,8 +121,8 @@ private:
             splats_, lists_, view_.grid,
             {images.camera, dL.color.span(), dL.normal.span(), dL.depth.span(),
              dL.expected_depth.span(), images.normal.span(), images.transmittance.span(),
-             images.depth.span(), images.expected_depth.span(),
-             std::as_const(normal_length_).span(), this->median(), dL.transmittance.span()},
+             images.depth.span(), images.expected_depth.span(), normal_length_.span(),
+             this->median(), dL.transmittance.span()},
             images.transmittance, stops_, fragments_);
     }
 

@@ -87,9 +87,8 @@ private:
         blend_tiles_vjp<SurfelModel<kMaps, kParted>>(
             splats_, lists_, view_.grid,
             {dL.color.span(), dL.normal.span(), dL.depth.span(), dL.distortion.span(),
-             images.transmittance.span(), images.depth.span(), std::as_const(z_).span(),
-             std::as_const(first_).span(), std::as_const(second_).span(), this->median(),
-             dL.transmittance.span()},
+             images.transmittance.span(), images.depth.span(), z_.span(), first_.span(),
+             second_.span(), this->median(), dL.transmittance.span()},
             images.transmittance, stops_, fragments_of<kMaps>());
     }
 

@@ -66,8 +66,8 @@ public:
                                             g.sh.span(), of_camera_.span()});
             });
             for (int k = 0; k < kCameraParameters; ++k)
-                add_sum(Device{}, g.size(), CameraGradientTerm{std::as_const(of_camera_).span(), k},
-                        1, partial_.span(), sum.data + k);
+                add_sum(Device{}, g.size(), CameraGradientTerm{of_camera_.span(), k}, 1,
+                        partial_.span(), sum.data + k);
         });
     }
 
@@ -125,8 +125,8 @@ protected:
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
         return {finder_.places(statistics_.radii_px),
-                std::as_const(lists_.fragment_counts).span(),
-                std::as_const(lists_.first_fragment).span(),
+                lists_.fragment_counts.span(),
+                lists_.first_fragment.span(),
                 fragments.gradients.span(),
                 fragments.drawn.span(),
                 statistics_.dL_dmeans2d.span(),
