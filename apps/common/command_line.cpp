@@ -14,7 +14,6 @@
 #include <regex>
 #include <set>
 #include <string_view>
-#include <vector>
 
 #include "apps/common/build_info.h"
 #include "apps/common/help_pages.h"

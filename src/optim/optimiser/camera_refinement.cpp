@@ -1,6 +1,5 @@
 #include "optim/optimiser/camera_refinement.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "core/grouped.h"
-#include "core/log.h"
 #include "core/parse_numbers.h"
 #include "io/files/read_file.h"
 #include "mesh/mend/mend.h"

@@ -96,11 +96,8 @@ void require_files(const PriorOptions& options,
                    bool none_at_all) {
     if (options.source != PriorOptions::Source::disk && (options.dir.empty() || !none_at_all))
         return;
-    std::string places;
-    for (const std::string& folder : prior_folders(query))
-        places += (places.empty() ? "" : ", ") + folder;
     throw Error(ExitCode::input, "E_PRIORS: a loss of this configuration needs prior ", lacks,
-                ", not found in ", places,
+                ", not found in ", fmt::format("{}", fmt::join(prior_folders(query), ", ")),
                 "; give the folder with --priors (files: "
                 "docs/guide/priors.md), or set the weight of that loss to 0");
 }

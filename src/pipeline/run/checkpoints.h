@@ -49,8 +49,6 @@ public:
     /// `scene` must outlive it.
     CheckpointWriter(std::string run, std::string config, const Scene& scene)
         : run_(std::move(run)), config_(std::move(config)), scene_(scene) {}
-    CheckpointWriter(const CheckpointWriter&) = delete;
-    CheckpointWriter& operator=(const CheckpointWriter&) = delete;
     ~CheckpointWriter() { finish(); }
 
     void save(int done, double seconds, const SharedState& state);

@@ -21,8 +21,6 @@ public:
         : run_(std::move(run)), origin_(origin), every_(every) {
         remove_files();
     }
-    LiveSnapshots(const LiveSnapshots&) = delete;
-    LiveSnapshots& operator=(const LiveSnapshots&) = delete;
     ~LiveSnapshots() { finish(); }
 
     /// Whether it is time for a snapshot and the last one is written.

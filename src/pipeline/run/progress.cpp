@@ -9,8 +9,6 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/progress.h"
-#include "io/files/json_value.h"
 #include "optim/loop/schedule.h"
 
 namespace tvsgs {

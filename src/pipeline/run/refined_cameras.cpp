@@ -9,7 +9,6 @@
 #include "core/log.h"
 #include "core/math/rigid.h"
 #include "io/files/atomic_file.h"
-#include "io/files/json_value.h"
 #include "io/scene/colmap.h"
 
 namespace tvsgs {

@@ -9,14 +9,12 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <map>
 #include <vector>
 
 #include "core/error.h"
 #include "core/log.h"
 #include "io/files/atomic_file.h"
-#include "io/files/json_value.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/refined_cameras.h"
@@ -136,6 +134,39 @@ void require_disc_backbone(const std::string& file,
     throw input_error("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
                       backbone, "' draws ellipsoids; remove this key, or set one for discs (",
                       backbones_of(true), ")");
+}
+
+/// See read_scene_of_run().
+void require_scene_of_run(const std::string& run, const Scene& scene) {
+    const std::string file = run + "/cameras.json";
+    std::error_code code;
+    if (!fs::is_regular_file(file, code)) return;
+    std::map<std::string, Vec3d> centres;
+    const JsonValue cameras = parse_json_value(read_bytes(file), file);
+    for (const JsonValue& camera : cameras.items)
+        if (const std::vector<JsonValue>& at = camera["position"].items; at.size() == 3)
+            centres[camera["img_name"].text_or("")] = {at[0].number, at[1].number, at[2].number};
+    // Refined poses differ a little from the scene's, and float rounds.
+    const double shift = 0.05 * double(scene.extent);
+    constexpr double kRounding = 1e-5;
+    std::ptrdiff_t same = 0, elsewhere = 0;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views)
+            if (const auto found = centres.find(view.name); found != centres.end()) {
+                const Vec3d here = vec_cast<double>(camera_centre(view.camera)) + scene.origin;
+                const double off = norm(here - found->second);
+                ++same, elsewhere += !(off <= shift + kRounding * norm(here));
+            }
+    if (same == 0) {
+        if (!centres.empty())
+            spdlog::warn("{}: shares no views with the training of {}; assumes the same frame",
+                         scene.path, run);
+        return;
+    }
+    if (2 * elsewhere > same)
+        throw input_error(scene.path, ": not the scene of ", run, ": ", elsewhere, " of ", same,
+                          " views have other poses than in its cameras.json; give the scene of the "
+                          "training, in the same frame");
 }
 
 }  // namespace
@@ -378,38 +409,6 @@ std::string run_config_path(const std::string& path) {
                           ": no run here yet (no config.json); if training has just begun, wait "
                           "for its first step");
     return config;
-}
-
-void require_scene_of_run(const std::string& run, const Scene& scene) {
-    const std::string file = run + "/cameras.json";
-    std::error_code code;
-    if (!fs::is_regular_file(file, code)) return;
-    std::map<std::string, Vec3d> centres;
-    const JsonValue cameras = parse_json_value(read_bytes(file), file);
-    for (const JsonValue& camera : cameras.items)
-        if (const std::vector<JsonValue>& at = camera["position"].items; at.size() == 3)
-            centres[camera["img_name"].text_or("")] = {at[0].number, at[1].number, at[2].number};
-    // Refined poses differ a little from the scene's, and float rounds.
-    const double shift = 0.05 * double(scene.extent);
-    constexpr double kRounding = 1e-5;
-    std::ptrdiff_t same = 0, elsewhere = 0;
-    for (const std::vector<View>* views : {&scene.train, &scene.test})
-        for (const View& view : *views)
-            if (const auto found = centres.find(view.name); found != centres.end()) {
-                const Vec3d here = vec_cast<double>(camera_centre(view.camera)) + scene.origin;
-                const double off = norm(here - found->second);
-                ++same, elsewhere += !(off <= shift + kRounding * norm(here));
-            }
-    if (same == 0) {
-        if (!centres.empty())
-            spdlog::warn("{}: shares no views with the training of {}; assumes the same frame",
-                         scene.path, run);
-        return;
-    }
-    if (2 * elsewhere > same)
-        throw input_error(scene.path, ": not the scene of ", run, ": ", elsewhere, " of ", same,
-                          " views have other poses than in its cameras.json; give the scene of the "
-                          "training, in the same frame");
 }
 
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {

@@ -58,8 +58,6 @@ public:
     /// Error(ExitCode::io) when it cannot be written, Error(ExitCode::usage) when another process
     /// writes there.
     explicit RunFolder(const std::string& path, int done = -1);
-    RunFolder(const RunFolder&) = delete;
-    RunFolder& operator=(const RunFolder&) = delete;
     ~RunFolder();
 
     const std::string& path() const { return path_; }
@@ -111,12 +109,10 @@ std::string find_mesh(const std::string& path);
 /// Path of a run's config.json. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);
 
-/// Throws Error(ExitCode::input) where most views with a name of the run are more than 0.05 extents
-/// away from their position in its cameras.json; warns where no names match.
-void require_scene_of_run(const std::string& run, const Scene& scene);
-
-/// Reads the scene that `options` of the run `path` name, with the cameras that the run refined. On
-/// failure, also of require_scene_of_run(), the message says how to name another scene.
+/// Reads the scene that `options` of the run `path` name, with the cameras that the run refined.
+/// Throws Error(ExitCode::input), also where most views with a name of the run are more than 0.05
+/// extents away from their position in its cameras.json; the message says how to name another
+/// scene. Warns where no names match.
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path);
 
 }  // namespace tvsgs

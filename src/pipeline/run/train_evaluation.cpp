@@ -1,7 +1,6 @@
 #include "pipeline/run/train_evaluation.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/error.h"
 #include "core/log.h"

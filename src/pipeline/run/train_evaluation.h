@@ -160,23 +160,16 @@ Evaluation evaluate(int step,
     return result;
 }
 
-/// Detects when training longer is no longer worthwhile: when the time since the best score exceeds
-/// half the time that it took to reach it.
-class Convergence {
-public:
-    /// Adds the score on validation views after `seconds`.
-    void add(double seconds, double psnr) {
-        if (psnr > best_ + kStep) best_ = psnr, best_at_ = seconds;
-        over_ = best_at_ > 0 && seconds > 1.5 * best_at_;
-    }
-    bool over() const { return over_; }
-    double best() const { return best_; }
-    double best_at() const { return best_at_; }
-
-private:
+/// When training longer is no longer worthwhile.
+struct Convergence {
     static constexpr double kStep = 0.02;  // dB; smaller changes are noise between views
-    double best_ = -1e300, best_at_ = 0;
-    bool over_ = false;
+    double best = -1e300, best_at = 0;     // best score on validation views, and its seconds
+    bool over = false;  // the time since then exceeds half the time that it took to reach it
+
+    void add(double seconds, double psnr) {
+        if (psnr > best + kStep) best = psnr, best_at = seconds;
+        over = best_at > 0 && seconds > 1.5 * best_at;
+    }
 };
 
 /// Tracks the scores of a training: when to evaluate, the best score, and convergence.

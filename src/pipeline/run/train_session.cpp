@@ -124,7 +124,7 @@ private:
     }
 
     bool stop_requested() {
-        const bool stop = SignalGuard::received() != 0 || scores_.convergence().over() ||
+        const bool stop = SignalGuard::received() != 0 || scores_.convergence().over ||
                           (surface_ && surface_->still());
         fit_now_ = !stop && budget_.due(done_, own_seconds());
         return stop || fit_now_;
@@ -233,10 +233,10 @@ private:
 
     void log_end(double seconds) {
         const Convergence& convergence = scores_.convergence();
-        if (convergence.over())
+        if (convergence.over)
             spdlog::info(
                 "Converged: the best PSNR, {:.2f} dB, was at {:.1f} s; stopped at {:.1f} s",
-                convergence.best(), convergence.best_at(), seconds);
+                convergence.best, convergence.best_at, seconds);
         else if (surface_ && surface_->still())
             spdlog::info(
                 "Converged: in the last {} iterations half of the surface moved by less than "

@@ -3,7 +3,6 @@
 
 #include <functional>
 #include <optional>
-#include <string>
 
 #include "core/device/device_choice.h"
 #include "core/scene/scene.h"
