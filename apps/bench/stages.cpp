@@ -12,7 +12,7 @@
 #include "optim/growth/splat_order.h"
 #include "pipeline/run/run_options.h"
 #include "render/depth/map_images.h"
-#include "render/tiles/channels.h"
+#include "render/tiles/blend_math.h"
 
 namespace tvsgs {
 namespace {

@@ -9,7 +9,6 @@
 
 #include "apps/common/command_line.h"
 #include "apps/prepare/photographs.h"
-#include "apps/reconstruct/record.h"
 #include "apps/reconstruct/stages.h"
 #include "core/device/device_choice.h"
 #include "core/device/threads.h"

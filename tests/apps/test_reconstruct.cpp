@@ -9,7 +9,6 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "apps/reconstruct/record.h"
 #include "apps/reconstruct/stages.h"
 #include "core/progress.h"
 #include "io/files/json_value.h"

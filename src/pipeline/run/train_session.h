@@ -6,7 +6,7 @@
 
 #include "core/device/device_choice.h"
 #include "core/scene/scene.h"
-#include "pipeline/run/resume.h"
+#include "pipeline/run/checkpoints.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
 
