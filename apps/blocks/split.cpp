@@ -227,9 +227,7 @@ int split_scene(SplitArguments a) {
     if (!options.mesh.meshes_background() && !(options.mesh.meshers.tsdf.voxel_size > 0))
         table.set("mesh.voxel_size", str(float(manifest.voxel_size)), "tvsgs-blocks split");
     manifest.split = split_of(manifest);
-    const auto looks = on_device(device, [&](auto tag) {
-        return find_block_views<decltype(tag)>(scene, coarse, of_coarse.train, manifest);
-    });
+    const auto looks = find_block_views(device, scene, coarse, of_coarse.train, manifest);
     const std::vector<BlockContents> blocks = fill_blocks(scene, coarse, manifest, expected, looks);
 
     // 3. The files; the manifest last.

@@ -7,6 +7,7 @@
 #include "core/grouped.h"
 #include "core/math/point_tree.h"
 #include "core/math/quantile.h"
+#include "core/progress.h"
 #include "io/files/read_file.h"
 #include "render/tiles/sh_math.h"
 
@@ -100,6 +101,60 @@ bool is_near(const BlocksManifest& m, Vec3d world) {
     return m.block_of(world) > 0;
 }
 
+/// Samples the coarse splats of each cell evenly, to count the views that see them.
+std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
+                                             const BlocksManifest& manifest) {
+    constexpr std::size_t kMost = 20000;
+    std::vector<std::vector<int>> all(std::size_t(manifest.count()));
+    for (std::size_t i = 0; i < coarse.means.size(); ++i)
+        if (const int block = manifest.block_of(mean_of(coarse, i)); block > 0)
+            all[block - 1].push_back(int(i));
+    for (std::vector<int>& of : all) {
+        std::vector<int> chosen;
+        for (const std::size_t k : even_choice(of.size(), kMost)) chosen.push_back(of[k]);
+        of = std::move(chosen);
+    }
+    return all;
+}
+
+/// Adds to each block how much of it view `v` sees. `depth`: for the rays of `camera`.
+void add_block_view(const Gaussians<Cpu>& coarse,
+                    const BlocksManifest& manifest,
+                    const std::vector<std::vector<int>>& counted,
+                    const Camera& camera,
+                    const std::vector<float>& depth,
+                    std::size_t v,
+                    std::vector<std::vector<BlockView>>& looks) {
+    const Rigid3f world_from_camera = inverse(camera.camera_from_world);
+    std::vector<std::size_t> pixels(manifest.cells.size());
+    std::size_t with_depth = 0;
+    for (int y = 0; y < camera.height_px; ++y)
+        for (int x = 0; x < camera.width_px; ++x) {
+            const float z = depth[std::size_t(y) * camera.width_px + x];
+            if (!(z > 0)) continue;
+            ++with_depth;
+            const Vec3d p = vec_cast<double>(world_from_camera * (z * pixel_ray(camera, x, y)));
+            if (!is_near(manifest, p)) continue;
+            const Vec2<double> place = manifest.frame.on_ground(p);
+            for (std::size_t b = 0; b < manifest.cells.size(); ++b)
+                pixels[b] += manifest.cells[b].distance(place) < manifest.margin;
+        }
+    for (std::size_t b = 0; b < manifest.cells.size(); ++b) {
+        BlockView& look = looks[b][v];
+        look.share = with_depth == 0 ? 0 : double(pixels[b]) / double(with_depth);
+        for (std::size_t k = 0; k < counted[b].size(); ++k) {
+            const Vec3f mean = coarse.means[counted[b][k]];
+            if (!is_in_view(camera, mean)) continue;
+            const Vec3f p = camera.camera_from_world * mean;
+            const int x = int(camera.fx_px * p.x / p.z + camera.cx_px),
+                      y = int(camera.fy_px * p.y / p.z + camera.cy_px);
+            const float z = depth[std::size_t(y) * camera.width_px + x];
+            // The splat is not hidden: it lies within its own thickness of the rendered surface.
+            if (p.z < 1.05f * z) look.sees.push_back(int(k));
+        }
+    }
+}
+
 }  // namespace
 
 void plan_cells(const Scene& scene,
@@ -172,56 +227,27 @@ void plan_cells(const Scene& scene,
     }
 }
 
-std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
-                                             const BlocksManifest& manifest,
-                                             std::size_t most) {
-    std::vector<std::vector<int>> all(std::size_t(manifest.count()));
-    for (std::size_t i = 0; i < coarse.means.size(); ++i)
-        if (const int block = manifest.block_of(mean_of(coarse, i)); block > 0)
-            all[block - 1].push_back(int(i));
-    for (std::vector<int>& of : all) {
-        std::vector<int> chosen;
-        for (const std::size_t k : even_choice(of.size(), most)) chosen.push_back(of[k]);
-        of = std::move(chosen);
-    }
-    return all;
-}
-
-void add_block_view(const Gaussians<Cpu>& coarse,
-                    const BlocksManifest& manifest,
-                    const std::vector<std::vector<int>>& counted,
-                    const Camera& camera,
-                    const std::vector<float>& depth,
-                    std::size_t v,
-                    std::vector<std::vector<BlockView>>& looks) {
-    const Rigid3f world_from_camera = inverse(camera.camera_from_world);
-    std::vector<std::size_t> pixels(manifest.cells.size());
-    std::size_t with_depth = 0;
-    for (int y = 0; y < camera.height_px; ++y)
-        for (int x = 0; x < camera.width_px; ++x) {
-            const float z = depth[std::size_t(y) * camera.width_px + x];
-            if (!(z > 0)) continue;
-            ++with_depth;
-            const Vec3d p = vec_cast<double>(world_from_camera * (z * pixel_ray(camera, x, y)));
-            if (!is_near(manifest, p)) continue;
-            const Vec2<double> place = manifest.frame.on_ground(p);
-            for (std::size_t b = 0; b < manifest.cells.size(); ++b)
-                pixels[b] += manifest.cells[b].distance(place) < manifest.margin;
+std::vector<std::vector<BlockView>> find_block_views(const DeviceChoice& device,
+                                                     const Scene& scene,
+                                                     const Gaussians<Cpu>& coarse,
+                                                     const TrainOptions& options,
+                                                     const BlocksManifest& manifest) {
+    std::vector<std::vector<BlockView>> looks(manifest.cells.size(),
+                                              std::vector<BlockView>(scene.train.size()));
+    const auto counted = counted_splats(coarse, manifest);
+    Progress progress("views per block", double(scene.train.size()));
+    on_device(device, [&]<class Device>(Device) {
+        const auto backbone = make_backbone<Device>(options.backbone, options.render);
+        Gaussians<Device> splats;
+        copy(coarse, splats);
+        for (std::size_t v = 0; v < scene.train.size(); ++v) {
+            progress.advance();
+            const auto& images = backbone->forward(splats, scene.train[v].camera, 0, kGeometryMaps);
+            add_block_view(coarse, manifest, counted, images.camera, to_host(images.depth), v,
+                           looks);
         }
-    for (std::size_t b = 0; b < manifest.cells.size(); ++b) {
-        BlockView& look = looks[b][v];
-        look.share = with_depth == 0 ? 0 : double(pixels[b]) / double(with_depth);
-        for (std::size_t k = 0; k < counted[b].size(); ++k) {
-            const Vec3f mean = coarse.means[counted[b][k]];
-            if (!is_in_view(camera, mean)) continue;
-            const Vec3f p = camera.camera_from_world * mean;
-            const int x = int(camera.fx_px * p.x / p.z + camera.cx_px),
-                      y = int(camera.fy_px * p.y / p.z + camera.cy_px);
-            const float z = depth[std::size_t(y) * camera.width_px + x];
-            // The splat is not hidden: it lies within its own thickness of the rendered surface.
-            if (p.z < 1.05f * z) look.sees.push_back(int(k));
-        }
-    }
+    });
+    return looks;
 }
 
 std::vector<BlockContents> fill_blocks(const Scene& scene,

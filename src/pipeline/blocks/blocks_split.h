@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/progress.h"
+#include "core/device/device_choice.h"
 #include "optim/growth/fixed_splats.h"
 #include "pipeline/blocks/blocks_folder.h"
 #include "pipeline/run/run_options.h"
@@ -47,41 +47,12 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
                                        double expected,
                                        const std::vector<std::vector<BlockView>>& looks);
 
-/// Samples the coarse splats of each cell evenly, at most `most` per cell, to count the views that
-/// see them.
-std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
-                                             const BlocksManifest& manifest,
-                                             std::size_t most = 20000);
-
-/// Adds to each block how much of it view `v` sees. `depth`: for the rays of `camera`.
-void add_block_view(const Gaussians<Cpu>& coarse,
-                    const BlocksManifest& manifest,
-                    const std::vector<std::vector<int>>& counted,
-                    const Camera& camera,
-                    const std::vector<float>& depth,
-                    std::size_t v,
-                    std::vector<std::vector<BlockView>>& looks);
-
 /// [block][view]: how much of each block each training view sees, by rendering the depth of the
 /// coarse splats.
-template <class Device>
-std::vector<std::vector<BlockView>> find_block_views(const Scene& scene,
+std::vector<std::vector<BlockView>> find_block_views(const DeviceChoice& device,
+                                                     const Scene& scene,
                                                      const Gaussians<Cpu>& coarse,
                                                      const TrainOptions& options,
-                                                     const BlocksManifest& manifest) {
-    std::vector<std::vector<BlockView>> looks(std::size_t(manifest.count()),
-                                              std::vector<BlockView>(scene.train.size()));
-    const auto counted = counted_splats(coarse, manifest);
-    const auto backbone = make_backbone<Device>(options.backbone, options.render);
-    Gaussians<Device> splats;
-    copy(coarse, splats);
-    Progress progress("views per block", double(scene.train.size()));
-    for (std::size_t v = 0; v < scene.train.size(); ++v) {
-        progress.advance();
-        const auto& images = backbone->forward(splats, scene.train[v].camera, 0, kGeometryMaps);
-        add_block_view(coarse, manifest, counted, images.camera, to_host(images.depth), v, looks);
-    }
-    return looks;
-}
+                                                     const BlocksManifest& manifest);
 
 }  // namespace tvsgs
