@@ -322,6 +322,10 @@ void say_next(const std::vector<std::string>& words, const std::string& what) {
 int run_command(const std::function<int()>& command) {
     guard_standard_streams();
     end_on_signals();
+    const auto fail = [](ExitCode code, const std::string& text) {
+        std::fprintf(stderr, "error: %s\n", text.c_str());
+        return int(code);
+    };
     try {
         const int code = command();
         flush_standard_output();
@@ -333,24 +337,20 @@ int run_command(const std::function<int()>& command) {
                      strsignal(stopped.signal));
         return 128 + stopped.signal;
     } catch (const Error& error) {
-        std::fprintf(stderr, "error: %s\n", error.what());
-        return int(error.code());
+        return fail(error.code(), error.what());
     } catch (const std::filesystem::filesystem_error& error) {
         // For example a link to itself, a folder without permission, a name that is too long.
-        std::fprintf(stderr, "error: %s: %s\n", error.path1().c_str(),
-                     error.code().message().c_str());
-        return int(ExitCode::io);
+        return fail(ExitCode::io, str(error.path1().string(), ": ", error.code().message()));
     } catch (const std::bad_alloc&) {
         // std::bad_alloc does not give the size.
-        const Error explained =
+        return fail(
+            ExitCode::memory,
             out_of_memory(str("host memory: ", grouped(memory_use(Cpu{}).current_bytes >> 20),
                               " MiB of buffers in use, ", grouped(free_bytes(Cpu{}) >> 20),
-                              " MiB free on this machine"));
-        std::fprintf(stderr, "error: %s\n", explained.what());
-        return int(ExitCode::memory);
+                              " MiB free on this machine"))
+                .what());
     } catch (const std::exception& error) {
-        std::fprintf(stderr, "error: internal: %s; please report it\n", error.what());
-        return int(ExitCode::internal);
+        return fail(ExitCode::internal, str("internal: ", error.what(), "; please report it"));
     }
 }
 

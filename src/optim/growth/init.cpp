@@ -150,8 +150,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     if (support) g.uncertainty.resize(positions.size());
     const float logit = std::log(options.opacity / (1 - options.opacity));
     const NearCameras near(scene.train, options.max_extent);
-    parallel_for(Cpu{}, g.size(), [&](int splat) {
-        const std::size_t i = splat;
+    parallel_for(Cpu{}, g.size(), [&](int i) {
         g.means[i] = positions[i];
         float scale = std::sqrt(squared[i]);
         if (support) g.uncertainty[i] = confidences[i] > 0 ? scale : 0;

@@ -26,13 +26,12 @@ std::vector<Cell> sorted_cells(const std::vector<Vec3f>& points, float edge) {
         low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     std::vector<Cell> cells(points.size());
     parallel_for(Cpu{}, int(points.size()), [&](int i) {
-        const std::size_t at = i;
         std::uint64_t key = 0;
         for (int axis = 0; axis < 3; ++axis) {
-            const float cell = (points[at][axis] - low[axis]) / edge;
+            const float cell = (points[i][axis] - low[axis]) / edge;
             key = key << 21 | std::uint64_t(std::min(cell, 2097151.0f));
         }
-        cells[at] = {key, std::uint32_t(i)};
+        cells[i] = {key, std::uint32_t(i)};
     });
     std::ranges::sort(cells, [](const Cell& a, const Cell& b) {
         return a.key != b.key ? a.key < b.key : a.point < b.point;
@@ -231,9 +230,8 @@ FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options)
         voters.scales.push_back(std::sqrt(squared));
     const PointTree<float> tree(voters.means);
     parallel_for(Cpu{}, voters.size(), [&](int i) {
-        const auto at = std::size_t(i);
-        if (!(dot(voters.normals[at], voters.normals[at]) > 0.5f))
-            voters.normals[at] = plane_normal(voters.means, tree, at);
+        if (!(dot(voters.normals[i], voters.normals[i]) > 0.5f))
+            voters.normals[i] = plane_normal(voters.means, tree, i);
     });
     return voters;
 }

@@ -120,14 +120,13 @@ void CameraRefinement::find_gauge() {
 
 void CameraRefinement::place() {
     for (int i = 0; i < views(); ++i) {
-        const auto at = std::size_t(i);
-        const Camera& from = given_[at];
-        const auto [f, depth] = scale_[at];
+        const Camera& from = given_[i];
+        const auto [f, depth] = scale_[i];
         const Rigid3d moved =
             rigid_exp(vec_at(motion(i)) / f, (depth / f) * vec_at(motion(i) + 3)) *
             Rigid3d{mat_cast<double>(from.camera_from_world.R),
                     vec_cast<double>(from.camera_from_world.t)};
-        cameras_[at].camera_from_world = {mat_cast<float>(moved.R), vec_cast<float>(moved.t)};
+        cameras_[i].camera_from_world = {mat_cast<float>(moved.R), vec_cast<float>(moved.t)};
     }
 }
 
@@ -135,12 +134,11 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
     const std::size_t n = parameters();
     std::vector<double> by(n, 0);
     for (int i = 0; i < views(); ++i) {
-        const auto at = std::size_t(i);
         const double* const g = gradients.data() + kCameraParameters * i;
         if (!std::all_of(g, g + kCameraParameters, [](double v) { return std::isfinite(v); }))
             continue;  // the splats are not finite either, and the training rolls back
         for (std::size_t k = 0; k < 6; ++k)
-            by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
+            by[6 * i + k] = g[k] * (k < 3 ? 1 : scale_[i].depth) / scale_[i].f;
     }
     // The shared drift of splats would push all views along, and Adam would amplify it.
     for (std::size_t g = 0; g < gauge_.size(); g += 2)

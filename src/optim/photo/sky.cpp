@@ -310,8 +310,7 @@ SkyDetection detect_sky(const std::vector<View>& views,
     SkyDetection look;
     look.views.resize(views.size());
     std::vector<std::array<std::ptrdiff_t, 3>> counts(views.size());
-    parallel_for_heavy(Cpu{}, int(views.size()), [&](int number) {
-        const auto v = std::size_t(number);
+    parallel_for_heavy(Cpu{}, int(views.size()), [&](int v) {
         const std::vector<Sighting> seen = sightings(views[v].camera, points, 1);
         std::vector<double> depths;
         for (const Sighting& s : seen) depths.push_back(s.depth);

@@ -171,10 +171,8 @@ std::vector<int> choose_block_views(const std::vector<BlockView>& views,
     std::vector<int> chosen;
     for (const int v : order) {
         const std::vector<int>& sees = views[v].sees;
-        const bool needed = std::ranges::any_of(sees, [&](int p) {
-            const auto at = std::size_t(p);
-            return seen[at] >= wanted && chosen_see[at] < wanted;
-        });
+        const bool needed = std::ranges::any_of(
+            sees, [&](int p) { return seen[p] >= wanted && chosen_see[p] < wanted; });
         if (!(share(v) >= least_share) && !needed) continue;
         chosen.push_back(v);
         for (const int p : sees) ++chosen_see[p];

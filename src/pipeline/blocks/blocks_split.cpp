@@ -180,8 +180,7 @@ void plan_cells(const Scene& scene,
         means.push_back(coarse.means[i]), log_scales.push_back(coarse.log_scales[i]);
     }
     std::vector<double> weights(means.size()), pixels(means.size());
-    parallel_for(Cpu{}, int(means.size()), [&](int k) {
-        const auto i = std::size_t(k);
+    parallel_for(Cpu{}, int(means.size()), [&](int i) {
         pixels[i] = double(finest_pixel(cameras, means[i])) / finer;
         weights[i] = finer_splats(log_scales[i], pixels[i]);
     });
@@ -297,9 +296,8 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
         // The scene has hardly any points here: use the surface of the coarse run.
         block.points = {};
         for (const int i : inside) {
-            const auto at = std::size_t(i);
-            block.points.positions.push_back(coarse.means[at]);
-            Vec3f color = coarse.sh[at];
+            block.points.positions.push_back(coarse.means[i]);
+            Vec3f color = coarse.sh[i];
             for (int c = 0; c < 3; ++c)
                 color[c] = std::clamp(0.5f + float(kShC0) * color[c], 0.0f, 1.0f);
             block.points.colors.push_back(color);

@@ -38,24 +38,13 @@ MapNames to_make(const View& view, const MapNames& wanted) {
     return made;
 }
 
-/// Resamples the grey photograph to the size of `camera`, at pixel centres.
-std::vector<float> grey_at(const View& view, const Camera& camera) {
-    const ImageU8 grey = grey_of(view.photo);
-    std::vector<float> out;
-    for (int y = 0; y < camera.height_px; ++y)
-        for (int x = 0; x < camera.width_px; ++x)
-            out.push_back(float(grey.at((2 * x + 1) * grey.width / (2 * camera.width_px),
-                                        (2 * y + 1) * grey.height / (2 * camera.height_px))) /
-                          255);
-    return out;
-}
-
-std::vector<std::uint8_t> mask_at(const View& view, const Camera& camera) {
+/// Resamples an image to the size of `camera`, at pixel centres.
+std::vector<std::uint8_t> levels_at(const ImageU8& image, const Camera& camera) {
     std::vector<std::uint8_t> out;
-    for (int y = 0; !view.mask.empty() && y < camera.height_px; ++y)
+    for (int y = 0; !image.empty() && y < camera.height_px; ++y)
         for (int x = 0; x < camera.width_px; ++x)
-            out.push_back(view.mask.at((2 * x + 1) * view.mask.width / (2 * camera.width_px),
-                                       (2 * y + 1) * view.mask.height / (2 * camera.height_px)));
+            out.push_back(image.at((2 * x + 1) * image.width / (2 * camera.width_px),
+                                   (2 * y + 1) * image.height / (2 * camera.height_px)));
     return out;
 }
 
@@ -63,14 +52,13 @@ std::vector<std::uint8_t> mask_at(const View& view, const Camera& camera) {
 std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<float>& grey) {
     const int w = maps.camera.width_px, h = maps.camera.height_px;
     std::vector<Vec3f> out(maps.normals.size());
-    parallel_for(Cpu{}, w * h, [&](int at) {
-        const auto i = std::size_t(at);
-        const int x = at % w, y = at / w;
+    parallel_for(Cpu{}, w * h, [&](int i) {
+        const int x = i % w, y = i / w;
         if (!(maps.depth[i] > 0)) return;
         Vec3f sum{};
         for (int v = std::max(y - 2, 0); v <= std::min(y + 2, h - 1); ++v)
             for (int u = std::max(x - 2, 0); u <= std::min(x + 2, w - 1); ++u) {
-                const auto j = std::size_t(v * w + u);
+                const int j = v * w + u;
                 if (!(std::abs(maps.depth[j] - maps.depth[i]) < 0.02f * maps.depth[i])) continue;
                 const float alike = std::exp(-std::abs(grey[j] - grey[i]) / 0.1f);
                 sum += maps.confidence[j] * alike * maps.normals[j];
@@ -118,8 +106,10 @@ std::vector<float> order_of(const StereoMaps& maps) {
 }
 
 StereoMaps completed(const StereoMaps& maps, const View& view) {
-    const std::vector<float> grey = grey_at(view, maps.camera);
-    const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
+    std::vector<float> grey;
+    for (const std::uint8_t level : levels_at(grey_of(view.photo), maps.camera))
+        grey.push_back(float(level) / 255);
+    const std::vector<std::uint8_t> mask = levels_at(view.mask, maps.camera);
     StereoMaps out = maps;
     out.normals = smoothed_normals(maps, grey);
     std::vector<float> costs(maps.depth.size(), kWorstCost);
@@ -165,10 +155,8 @@ std::size_t measured_pixels(const StereoMaps& completed) {
 std::vector<StereoMaps> completed_maps(const std::vector<StereoMaps>& maps,
                                        const std::vector<View>& views) {
     std::vector<StereoMaps> out(views.size());
-    parallel_for_heavy(Cpu{}, int(views.size()), [&](int i) {
-        const auto v = std::size_t(i);
-        out[v] = completed(maps[v], views[v]);
-    });
+    parallel_for_heavy(Cpu{}, int(views.size()),
+                       [&](int v) { out[v] = completed(maps[v], views[v]); });
     return out;
 }
 
