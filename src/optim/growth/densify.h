@@ -193,11 +193,11 @@ private:
             if (kind == Growth::abs_split)
                 quota = std::min(quota, std::size_t(options_.max_abs_split));
             if (chosen.size() > quota) {
+                const auto precedes = [&](int a, int b) {
+                    return score[a] != score[b] ? score[a] > score[b] : a < b;
+                };
                 std::nth_element(chosen.begin(), chosen.begin() + std::ptrdiff_t(quota),
-                                 chosen.end(), [&](int a, int b) {
-                                     const float sa = score[a], sb = score[b];
-                                     return sa != sb ? sa > sb : a < b;
-                                 });
+                                 chosen.end(), precedes);
                 for (std::size_t j = quota; j < chosen.size(); ++j)
                     growth[chosen[j]] = Growth::none;
                 changed = true;

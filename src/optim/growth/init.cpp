@@ -89,15 +89,13 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
     std::vector<float> result(points.size(), 0);
     if (points.size() < 2) return result;
     const std::size_t wanted = std::min(points.size(), std::size_t(k) + 1);
-    PointForest(points).for_each(wanted,
-                                 [&](std::size_t i, const float* squared, std::size_t found) {
-                                     // The first result is the point itself, or a duplicate at
-                                     // distance 0: skip one zero.
-                                     double sum = 0;
-                                     for (std::size_t j = 1; j < found; ++j)
-                                         sum += double(squared[j]);
-                                     if (found > 1) result[i] = float(sum / double(found - 1));
-                                 });
+    const auto average = [&](std::size_t i, const float* squared, std::size_t found) {
+        // The first result is the point itself, or a duplicate at distance 0: skip one zero.
+        double sum = 0;
+        for (std::size_t j = 1; j < found; ++j) sum += double(squared[j]);
+        if (found > 1) result[i] = float(sum / double(found - 1));
+    };
+    PointForest(points).for_each(wanted, average);
     return result;
 }
 

@@ -26,6 +26,12 @@ struct ReadValue {
     TVSGS_HD float operator()(int i) const { return values[i]; }
 };
 
+/// 1 for a number above 0.
+struct CountPositive {
+    Span<const float> values;
+    TVSGS_HD int operator()(int i) const { return values[i] > 0; }
+};
+
 /// Sum of the terms and its derivatives.
 template <class Device>
 struct Objective {

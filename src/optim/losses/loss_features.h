@@ -43,11 +43,6 @@ struct NearestPointBody {
     }
 };
 
-struct HasDepth {
-    Span<const float> depth;
-    TVSGS_HD int operator()(int at) const { return depth[at] > 0; }
-};
-
 struct FeatureBody {
     // Larger values of 1 - cosine mean that the descriptors show different things.  [FatesGS]
     static constexpr float kMaxError = 0.5f;
@@ -115,7 +110,7 @@ public:
         const int pixels = images.width * images.height;
         pixel_loss_.resize(images.depth.size());
         pixel_loss_.fill_zero();
-        objective.count_of(pixels, HasDepth{images.depth.span()});
+        objective.count_of(pixels, CountPositive{images.depth.span()});
         for (const NeighbourView<Device>* other : others)
             compare(objective, in, *other, options_.weight / float(others.size()));
         objective.add(pixel_loss_);

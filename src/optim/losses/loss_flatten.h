@@ -6,12 +6,6 @@
 
 namespace tvsgs {
 
-/// 1 for a splat that the view sees.
-struct VisibleTerm {
-    Span<const float> radii_px;
-    TVSGS_HD float operator()(int i) const { return radii_px[i] > 0 ? 1.0f : 0.0f; }
-};
-
 struct SmallestScaleTerm {
     Span<const Vec3f> log_scales;
     Span<const float> radii_px;
@@ -47,7 +41,7 @@ public:
 
     void add_to(Objective<Device>& objective, const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
-        objective.count_of(n, VisibleTerm{in.radii_px});
+        objective.count_of(n, CountPositive{in.radii_px});
         const SmallestScaleTerm term{in.gaussians.log_scales.span(), in.radii_px,
                                      objective.count.data()};
         add_sum(Device{}, n, term, options_.weight, objective.partial.span(), objective.value());

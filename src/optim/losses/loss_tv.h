@@ -94,12 +94,10 @@ public:
         if (int(in.field.flags.size()) != n) return;  // no voting event yet
         const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid,
                              in.radii_px, reduction_ == Reduction::visible_mean};
-        objective.count.fill_zero();
         if (reduction_ == Reduction::sum)
-            add_sum(Device{}, 1, ConstantOne{}, 1, objective.partial.span(),
-                    objective.count.data());
+            objective.count_of(1, ConstantOne{});
         else
-            add_sum(Device{}, n, part, 1, objective.partial.span(), objective.count.data());
+            objective.count_of(n, part);
         splat_loss_.resize(in.gaussians.means.size());
         if constexpr (kPosition)
             parallel_for(Device{}, n,

@@ -138,16 +138,16 @@ private:
         bool finished = true;  // arrays computed on the device are ready
     };
 
-    /// `raw`: bytes of a mask.
+    /// Computes a mask from its bytes `raw`, or grey levels from the view's photograph.
+    template <class T>
     static void make(Span<const std::uint8_t> raw,
-                     const DeviceView<Device>& /*view*/,
-                     Buffer<float, Device>& out) {
-        parallel_for(Device{}, int(out.size()), detail::UnitFloatsBody{raw, out.span()});
-    }
-    static void make(Span<const std::uint8_t> /*raw*/,
                      const DeviceView<Device>& view,
-                     Buffer<std::uint8_t, Device>& out) {
-        parallel_for(Device{}, int(out.size()), detail::GreyBody{view.photo.span(), out.span()});
+                     Buffer<T, Device>& out) {
+        const int count = int(out.size());
+        if constexpr (std::is_same_v<T, float>)
+            parallel_for(Device{}, count, detail::UnitFloatsBody{raw, out.span()});
+        else
+            parallel_for(Device{}, count, detail::GreyBody{view.photo.span(), out.span()});
     }
 
     /// Calls visit(number, buffer) for each buffer that is filled from the host.

@@ -24,14 +24,14 @@ namespace tvsgs {
 /// Whether all views have masks, so that renders can be scored inside of them.
 inline bool have_masks(const std::vector<View>& views) {
     const auto lacks = [](const View& view) { return view.mask.empty(); };
-    return !views.empty() && std::none_of(views.begin(), views.end(), lacks);
+    return !views.empty() && std::ranges::none_of(views, lacks);
 }
 
 /// Whether any mask has a pixel of the object.
 inline bool has_object(const std::vector<View>& views) {
-    return std::any_of(views.begin(), views.end(), [](const View& view) {
-        return std::any_of(view.mask.pixels.begin(), view.mask.pixels.end(),
-                           [](std::uint8_t value) { return value >= kObjectMask; });
+    return std::ranges::any_of(views, [](const View& view) {
+        return std::ranges::any_of(view.mask.pixels,
+                                   [](std::uint8_t value) { return value >= kObjectMask; });
     });
 }
 

@@ -49,10 +49,10 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
     std::size_t pixels = 0;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const auto& mask = views[v].mask.pixels;
-        pixels += options.use_masks && !mask.empty()
-                      ? std::size_t(std::count_if(mask.begin(), mask.end(),
-                                                  [](int m) { return m >= kObjectMask; }))
-                      : result.maps[v].depth.size();
+        pixels +=
+            options.use_masks && !mask.empty()
+                ? std::size_t(std::ranges::count_if(mask, [](int m) { return m >= kObjectMask; }))
+                : result.maps[v].depth.size();
     }
     const std::size_t most = std::min(max_points, pixels / 2);
     result.cloud = thin_to_count(result.cloud, most);
