@@ -26,7 +26,6 @@ extern const CLI::Validator kPositive;
 /// Requires a number in a range; unlike CLI::Range, rejects NaN.
 CLI::Validator in_range(double low, double high);
 
-/// An option for a number from `low` to `high`.
 template <class Number>
 CLI::Option* add_number(CLI::App& app,
                         const std::string& names,
@@ -41,7 +40,6 @@ CLI::Option* add_number(CLI::App& app,
         return option->check(CLI::Range(low, high));
 }
 
-/// An option for one of `choices`.
 CLI::Option* add_choice(CLI::App& app,
                         const std::string& names,
                         std::string& value,

@@ -45,7 +45,6 @@ private:
     bool is_lower_bound_ = false;
 };
 
-/// Runs programs, one per stage.
 class StageRunner {
 public:
     /// `stages`: all of them, in their order. `log`: file that receives the output.

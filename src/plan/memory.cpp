@@ -61,7 +61,6 @@ std::int64_t host_bytes(const std::vector<View>& views) {
     return bytes;
 }
 
-/// Whether the photographs are in a file.
 bool in_file(const std::vector<View>& views) {
     return !views.empty() && views.front().photo.pixels.in_file();
 }

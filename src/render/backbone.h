@@ -36,7 +36,6 @@ constexpr bool has(Maps set, Maps some) {
     return (static_cast<unsigned>(set) & static_cast<unsigned>(some)) != 0;
 }
 
-/// The set without `some`.
 constexpr Maps without(Maps set, Maps some) {
     return static_cast<Maps>(static_cast<unsigned>(set) & ~static_cast<unsigned>(some));
 }
@@ -119,7 +118,6 @@ struct BackboneOptions {
     }
 };
 
-/// Size of one render.
 struct RenderCounts {
     int visible = 0;    // splats in at least one tile's list
     int fragments = 0;  // entries of all lists
@@ -136,7 +134,6 @@ struct BlendWork {
     std::int64_t sums = 0;           // draws by several lanes, whose gradients must be summed
 };
 
-/// Constants of a rasteriser.
 struct BackboneTraits {
     Maps maps = Maps::color | kGeometryMaps;  // that forward() supports
     bool flat = false;               // splats are discs: training must not change their third scale
@@ -212,7 +209,6 @@ public:
     /// Statistics of the last forward() (radii) and backward() (the rest).
     virtual const ScreenStatistics<Device>& statistics() const = 0;
 
-    /// Counts of the last forward().
     virtual RenderCounts counts() const { return {}; }
 
     /// Counts the work of blending in the last forward(). Takes about as long as the blending.

@@ -11,7 +11,6 @@
 
 namespace tvsgs {
 
-/// Backbones added by add_backbone().
 template <class Device>
 auto& added_backbones() {
     static std::map<std::string, MakeBackbone<Device>> added;
@@ -23,7 +22,6 @@ void add_backbone(const std::string& name, MakeBackbone<Device> make) {
     added_backbones<Device>()[name] = std::move(make);
 }
 
-/// Name and constructor of a backbone.
 template <class Device>
 struct BackboneEntry {
     const char* name;

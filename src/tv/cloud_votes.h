@@ -10,7 +10,6 @@
 
 namespace tvsgs {
 
-/// Options of votes between points.
 struct CloudVoteOptions {
     int k = 30;           // nearest points whose votes a point receives
     float radius = 0;     // world units; points farther away do not vote; 0: no limit
@@ -55,7 +54,6 @@ CloudVotes vote_in_cloud(Device,
                          const CloudVoteOptions& options,
                          const CloudProgress& progress = {});
 
-/// Turns the normals to the viewpoint.
 void orient_to_viewpoint(CloudVotes& votes, Vec3f viewpoint);
 
 /// Turns neighbouring normals to the same side, the most parallel pairs first, and the normal of

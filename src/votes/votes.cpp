@@ -23,7 +23,6 @@ Error wrong_use(const std::string& message) {
     return Error(ExitCode::usage, message);
 }
 
-/// Votes of one handle.
 class SplatVotes {
 public:
     virtual ~SplatVotes() = default;

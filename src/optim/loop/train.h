@@ -139,7 +139,6 @@ void check_support(const TrainOptions& options,
                    const BackboneTraits& backbone,
                    bool before_plan = false);
 
-/// Number of iterations that a saved state has done.
 int iterations_done(const State& state);
 
 /// Throws Error(ExitCode::usage) when a training with these options cannot resume from that state.

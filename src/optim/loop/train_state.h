@@ -43,7 +43,6 @@ private:
     int round_ = -1;
 };
 
-/// Makes the terms of the objective for a scene.
 template <class Device>
 auto make_terms(const Scene& scene, const TrainOptions& o) {
     // Close to 1 on DTU as normalised by PGSR's authors, where the published weights come from.

@@ -177,7 +177,6 @@ struct ScheduledOptions {
     }
 };
 
-/// Options that several terms share.
 struct SharedLossOptions {
     ViewPairOptions multi_view;
     Reduction tv_reduction = Reduction::mean;

@@ -6,7 +6,6 @@
 
 namespace tvsgs {
 
-/// Lists the comparable pixels.
 struct ListValidBody {
     Span<const int> valid, place;
     Span<int> pixels;
@@ -15,7 +14,6 @@ struct ListValidBody {
     }
 };
 
-/// Value and derivatives of one patch.
 struct PatchTerm {
     int pixel;  // -1: none
     float loss;

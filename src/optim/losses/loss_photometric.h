@@ -144,7 +144,6 @@ private:
                background_.kind == PhotoBackground::Kind::sky || !background_.black();
     }
 
-    /// Masks the render and its photograph for the comparison.
     ComparedPhoto mask(const LossInputs<Device>& in) {
         const std::size_t pixels = in.images.color.size();
         const PhotoBackground behind = background_.at(seed_, in.step);

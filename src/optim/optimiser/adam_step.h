@@ -35,7 +35,6 @@ struct GeometryScale {
 // A smaller scale would underflow; the flattening loss drives the smallest scale to 0.
 inline constexpr float kLeastLogScale = -16.118096f;  // ln 1e-7
 
-/// One step of a Gaussian's geometry and its moments.
 TVSGS_HD inline void step_geometry(SplatGeometry& splat,
                                    const SplatGeometry& gradient,
                                    SplatGeometry& m,

@@ -217,7 +217,6 @@ private:
     std::vector<std::uint8_t> seen_, same_, far_, textured_;  // of each block
 };
 
-/// Blocks with a point in them or in a neighbouring block.
 std::vector<std::uint8_t> blocks_near_points(const Small& view, const std::vector<Sighting>& seen) {
     std::vector<std::uint8_t> beside(view.grey.size());
     for (const Sighting& s : seen) {

@@ -10,7 +10,6 @@
 
 namespace tvsgs {
 
-/// Names of maps of a view.
 using MapNames = std::set<std::string_view>;
 
 /// A ViewMap on the device.
@@ -39,7 +38,6 @@ TVSGS_HD inline float edge_strength(const std::uint8_t* photo, int width, int x,
     return horizontal > vertical ? horizontal : vertical;
 }
 
-/// A training view on the device.
 template <class Device>
 struct DeviceView {
     int index = 0;  // among the training views

@@ -26,7 +26,6 @@ BlockSplats part_of_block(const BlocksManifest& manifest,
                           int block,
                           double fade);
 
-/// Concatenates the parts.
 Gaussians<Cpu> join_splats(const std::vector<Gaussians<Cpu>>& parts, int sh_degree);
 
 }  // namespace tvsgs

@@ -16,7 +16,6 @@ struct BlockJob {
     double iterations = 0;  // total number at the end of its training
 };
 
-/// A block in training.
 struct BlockProgress {
     int block = 0;
     std::string place;

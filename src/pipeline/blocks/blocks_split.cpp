@@ -74,7 +74,6 @@ double vote_reach(const std::vector<Vec3f>& means, int k, double denser) {
     return quantile(reach, 0.95) / std::sqrt(denser);
 }
 
-/// The shortest side of a cell within the near box.
 double shortest_side(const GroundCell& cell, const Box3d& near) {
     double side = GroundCell::kInfinite;
     for (int axis = 0; axis < 2; ++axis)

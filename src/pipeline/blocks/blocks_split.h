@@ -32,7 +32,6 @@ void plan_cells(const Scene& scene,
                 double expected,
                 BlocksManifest& manifest);
 
-/// Inputs of a block.
 struct BlockContents {
     std::vector<int> views;  // indices in scene.train
     PointCloud points;       // start points, in cell and margin

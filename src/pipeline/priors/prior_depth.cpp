@@ -135,7 +135,6 @@ const char* text_of(PriorAlignment alignment) {
                                                  : "relative order";
 }
 
-/// Fits one view.
 void fit_view(const ReadingChoice& choice, float max_residual, FittedView& view) {
     view.reading = choice.reading;
     if (view.file->unreliable) view.reading.alignment = PriorAlignment::affine;

@@ -18,7 +18,6 @@ namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-/// The views that have a file, with that file.
 struct WithFile {
     PriorView* view;
     const PriorFile* file;

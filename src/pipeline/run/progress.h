@@ -15,7 +15,6 @@ public:
     /// `seconds`: training time before the run was resumed.
     explicit TrainProgress(const TrainOptions& options, double seconds = 0);
 
-    /// Continues with another schedule.
     void set_schedule(const TrainOptions& options);
 
     /// Training time without pauses, in seconds.

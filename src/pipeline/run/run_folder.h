@@ -86,7 +86,6 @@ private:
     std::FILE* log_ = nullptr;
 };
 
-/// Whether a run folder holds splats.
 bool holds_splats(const std::string& run);
 
 /// The file with the splats of the largest iteration in a run folder; returns `path` if it is a

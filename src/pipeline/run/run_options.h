@@ -68,7 +68,6 @@ struct Configuration {
     Configuration& operator=(const Configuration&) = delete;
 };
 
-/// The text of config.json.
 inline std::string config_json(RunOptions options, const JsonValue& info) {
     OptionTable table;
     options.add_to(table);

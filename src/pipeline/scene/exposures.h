@@ -9,7 +9,6 @@
 
 namespace tvsgs {
 
-/// Whether a run has fitted exposures.
 bool has_exposures(const std::string& run);
 
 /// `values`: per view of scene.train.

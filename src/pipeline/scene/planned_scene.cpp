@@ -14,7 +14,6 @@
 namespace tvsgs {
 namespace {
 
-/// The options of a built-in configuration.
 TrainOptions options_of(const char* config) {
     Configuration built_in;
     built_in.table.read_text("the program", built_in_config(config));

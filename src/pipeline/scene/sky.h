@@ -19,7 +19,6 @@ inline bool has_sky(const PhotometricOptions& options) {
 /// an empty look. Throws Error(ExitCode::input).
 SkyDetection provide_sky(Configuration& config, Scene& scene, RunPlan* plan);
 
-/// Whether the run has a map of its sky.
 bool has_sky_file(const std::string& run);
 
 /// Writes RUN/sky.png if the options have a map.

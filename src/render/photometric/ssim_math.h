@@ -23,7 +23,6 @@ struct SsimMoments {
     Real x{}, y{}, xx{}, yy{}, xy{};
 };
 
-/// SSIM of a pixel and its derivatives.
 template <class Real>
 struct SsimTerms {
     Real ssim, dS_dx, dS_dxx, dS_dxy;  // derivatives by the moments that contain x

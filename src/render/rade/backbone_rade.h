@@ -26,7 +26,6 @@ struct NearestDepthBody {
     }
 };
 
-/// Converts depths to filters.
 struct SmoothingFilterBody {
     float unseen_depth, longest_fx;
     Span<float> filter;

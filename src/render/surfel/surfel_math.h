@@ -123,7 +123,6 @@ TVSGS_HD bool may_draw(const SurfelShape<Real>& s, Vec2<Real> low, Vec2<Real> hi
            low.y <= s.mean.y + s.high.y + slack && high.y >= s.mean.y + s.low.y - slack;
 }
 
-/// A surfel at a pixel.
 template <class Real>
 struct SurfelHit {
     Real alpha = 0;  // 0: it does not draw there and adds zeros
@@ -259,7 +258,6 @@ TVSGS_HD Real distortion_depth_slope(Real inverse) {
     return -Real(kDistortionScale) * inverse * inverse;
 }
 
-/// A surfel's contribution to pixels.
 template <class Real>
 struct SurfelFeatures {
     Vec3<Real> color;

@@ -66,7 +66,6 @@ TVSGS_HD Vec2<Real> splat_extent(const SplatShape<Real>& s) {
             std::sqrt(s.reach) / R.yy};
 }
 
-/// Contribution of a splat to the channels.
 template <class Real>
 struct SplatFeatures {
     Vec3<Real> color;
@@ -110,7 +109,6 @@ TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
     return {gauss, alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha)};
 }
 
-/// State of one pixel in the forward pass.
 template <class Real>
 struct PixelForward {
     Real T = 1;
@@ -127,7 +125,6 @@ TVSGS_HD bool blend(PixelForward<Real>& pixel, Real alpha, const SplatFeatures<R
     return fits;
 }
 
-/// State of one pixel in the backward pass.
 template <class Real>
 struct PixelBackward {
     Real T;  // behind the next splat to visit; starts at the final transmittance

@@ -14,7 +14,6 @@ namespace tvsgs {
 
 inline constexpr std::uint32_t kNoPlace = 0xffffffffu;
 
-/// Place of each splat's records.
 struct SplatPlaces {
     Span<const float> radii;           // [N] > 0: in view
     Span<const std::uint32_t> before;  // [N + 1] splats in view before it; last: of all

@@ -101,7 +101,6 @@ concept SplatVjp = requires(const Vjp& vjp,
     vjp.sums.places.of(0);
 };
 
-/// Adds the gradients of the Gaussians to arrays.
 template <SplatVjp Vjp>
 struct AddGradientsBody {
     Vjp vjp;
@@ -137,7 +136,6 @@ struct CameraVisit {
     }
 };
 
-/// Computes each splat's contribution to the camera's gradient.
 template <SplatVjp Vjp>
 struct CameraGradientBody {
     Vjp vjp;

@@ -10,7 +10,6 @@ namespace tvsgs {
 
 inline constexpr int kTileSize = 16;  // px
 
-/// Tiles of an image.
 struct TileGrid {
     int width, height, columns, rows;
 

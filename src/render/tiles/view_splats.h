@@ -11,7 +11,6 @@ namespace tvsgs {
 /// [Kerbl23]
 inline constexpr float kLowPassPx2 = 0.3f;
 
-/// Parameters of the view for the projection of a Gaussian.
 struct ViewParameters {
     Pinhole<float> camera;
     Vec3f centre;  // of the camera, world

@@ -16,7 +16,6 @@ struct alignas(16) TreePoint {
     std::uint32_t index;  // of the splat
 };
 
-/// Bounding box of a node.
 struct alignas(16) TreeNode {
     Vec3f low, high;
 };

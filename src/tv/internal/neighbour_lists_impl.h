@@ -179,7 +179,6 @@ inline int blocks_of(int count, int size) {
     return (count + size - 1) / size;
 }
 
-/// Resizes a buffer and keeps its first `used` elements.
 template <class T, class Device>
 void resize_keeping(Buffer<T, Device>& buffer, std::size_t used, std::size_t size) {
     Buffer<T, Device> other(size);

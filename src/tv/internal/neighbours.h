@@ -95,7 +95,6 @@ struct NeighbourScratch {
     Buffer<std::uint32_t, Device> rows;  // receivers of a chunk; scratch of index_tiles()
 };
 
-/// Arguments of find_neighbours().
 struct NeighbourQuery {
     SplatSpans splats;
     FixedVoterSpans fixed;
