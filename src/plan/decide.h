@@ -7,6 +7,7 @@
 #include "io/scene/scene_reader.h"
 #include "optim/loop/train.h"
 #include "plan/look.h"
+#include "plan/memory.h"
 #include "plan/settings.h"
 
 namespace tvsgs {
@@ -66,5 +67,32 @@ struct TrainingInputs {
 
 /// Decides on the training, from the look at the cloud that it starts from.
 std::vector<Decision> decide_training(const SceneLook& look, const TrainingInputs& inputs);
+
+/// Splats that a training is expected to reach, and where the number comes from.
+struct ExpectedSplats {
+    std::int64_t count = 0;
+    std::string source;
+};
+/// `first` without growth; the cap if the user sets it (`capped`); else a multiple of `first`.
+ExpectedSplats expected_splats(const Scene& scene,
+                               const TrainOptions& options,
+                               std::int64_t first,
+                               bool capped);
+
+/// Inputs of decide_machines() beside scene and options.
+struct MachineInputs {
+    bool cuda = false;
+    MemoryLimits limits;
+    std::int64_t first = 0;  // splats at the start
+    ExpectedSplats expected;
+    bool may_stream = false;   // the plan may choose photo_bytes
+    bool may_compact = false;  // the plan may choose tv.lists
+};
+
+/// How a training is held in memory: the first of these that holds the expected splats: all on the
+/// device; photographs on the host; compact lists of votes; both. If none does, it proposes blocks
+/// and takes the way that holds most splats: growth stops there, or plan_memory() throws if the
+/// first splats do not fit.
+Decision decide_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
 
 }  // namespace tvsgs

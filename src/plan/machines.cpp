@@ -1,10 +1,9 @@
-#include "plan/machines.h"
-
 #include <algorithm>
 #include <vector>
 
 #include "core/error.h"
 #include "core/grouped.h"
+#include "plan/decide.h"
 #include "plan/figures.h"
 
 namespace tvsgs {

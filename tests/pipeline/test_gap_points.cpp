@@ -1,6 +1,5 @@
 // Points that fill the gaps of a stereo cloud, on a ball and a wall whose depth is known.
 #include "mvs/analytic_scene.h"
-#include "pipeline/priors/gap_points.h"
 #include "pipeline/priors/stereo_priors.h"
 #include "support/numeric.h"
 

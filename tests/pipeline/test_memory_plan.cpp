@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "optim/losses/loss.h"
-#include "plan/machines.h"
+#include "plan/decide.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"
 

@@ -1,5 +1,4 @@
-#include "pipeline/priors/gap_points.h"
-
+// Fills the gaps of a stereo cloud.  [docs/method/support.md#gaps]
 #include <algorithm>
 #include <cmath>
 

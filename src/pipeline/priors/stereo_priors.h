@@ -7,6 +7,7 @@
 #include "core/device/device_choice.h"
 #include "core/scene/scene.h"
 #include "mvs/stereo/patch_match.h"
+#include "optim/photo/sky.h"
 #include "optim/views/device_view.h"
 
 namespace tvsgs {
@@ -52,5 +53,19 @@ void make_stereo_priors(const DeviceChoice& device,
                         const MapNames& wanted,
                         StereoStart start,
                         std::vector<View>& views);
+
+/// Fills the gaps of a stereo cloud, so that pictures have no holes. Adds points of confidence 0:
+/// one per `spacing_px` x `spacing_px` pixels of the views' completed_maps() that no point covers.
+/// A point covers a pixel if it projects to at most one pixel away, and the completed surface lies
+/// at most 5 % behind it. The points lie at the completed depth, with its normal and the
+/// photograph's colour; depth edges get none, nor do pixels that measured ones do not enclose: less
+/// than 60 % of those up to 6 pixels away. A view without a measured pixel adds nothing. `sky`:
+/// pixels labelled far get no point; without views: unknown. Returns the number of added points.
+/// [docs/method/support.md#gaps]
+std::size_t add_gap_points(const std::vector<StereoMaps>& completed,
+                           const std::vector<View>& views,
+                           const SkyDetection& sky,
+                           int spacing_px,
+                           PointCloud& cloud);
 
 }  // namespace tvsgs

@@ -2,14 +2,12 @@
 
 #include "core/grouped.h"
 #include "io/config/config.h"
-#include "pipeline/priors/gap_points.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/scene/exposures.h"
 #include "pipeline/scene/initial_points.h"
 #include "pipeline/scene/mask_use.h"
 #include "pipeline/scene/sky.h"
 #include "plan/decide.h"
-#include "plan/machines.h"
 
 namespace tvsgs {
 namespace {
