@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tv/internal/voting_bodies.h"
 #include "tv/internal/voting_state.h"
-#include "tv/internal/voting_virtual.h"
 
 namespace tvsgs::detail {
 
