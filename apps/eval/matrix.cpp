@@ -9,7 +9,6 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
-#include <ranges>
 
 #include "apps/eval/subcommands.h"
 #include "io/files/read_file.h"
@@ -75,9 +74,11 @@ std::string filled_in(const std::string& file, const std::string& text, const Na
         const auto found = names.find(name);
         if (found == names.end() && name == "data")
             throw usage_error(file, ": '", text, "' needs the folder of the data; give --data DIR");
-        if (found == names.end())
-            refuse(file, str("'", text, "': unknown variable; known are ",
-                             joined(std::views::keys(names))));
+        if (found == names.end()) {
+            std::string known;
+            for (const auto& [other, value] : names) known += " " + other;
+            refuse(file, str("'", text, "': unknown variable; known are", known));
+        }
         out += text.substr(at, open - at) + found->second;
         at = close + 1;
     }
@@ -231,9 +232,11 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
     for (const auto& [name, parts] : matrix["scenes"].members)
         add_scenes(file, name, parts, names, scenes);
     for (const std::string& wanted : options.scenes)
-        if (std::ranges::find(scenes, wanted, &MatrixScene::name) == scenes.end())
-            throw usage_error("--scenes ", wanted, ": not in ", file, "; it has ",
-                              joined(std::views::transform(scenes, &MatrixScene::name)));
+        if (std::ranges::find(scenes, wanted, &MatrixScene::name) == scenes.end()) {
+            std::string known;
+            for (const MatrixScene& scene : scenes) known += " " + scene.name;
+            throw usage_error("--scenes ", wanted, ": not in ", file, "; it has", known);
+        }
 
     std::vector<std::string> runs;
     for (const std::uint64_t seed : seeds)
