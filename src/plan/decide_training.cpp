@@ -22,9 +22,11 @@ constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRe
               kOpaqueAfter = 250, kOpaqueShare = 20;
 // A start by stereo: iterations per view, their largest sum, iterations per view where these are
 // more; pixels between points in gaps; opacity; share of the iterations in which the photometric
-// share rises to 1 at kFewViews; factor of lr.supported just below kFewViews.
+// share rises to 1 at kFewViews; lr.supported from kFewViews on.
 constexpr int kSupportedPerView = 400, kSupportedMost = 2500, kManyPerView = 125, kGapPx = 2;
 constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
+// Multi-view losses of wide pairs: in full up to this angle, not at all from kWidestAngleDeg on.
+constexpr double kFullAngleDeg = 45;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat, pixels; without a start by stereo of kLeastViews, twice that for each more.
@@ -205,8 +207,7 @@ private:
             {"init.support", "true"},
             {"init.opacity", rounded(between(opacity, kOpaque, covered_))},
             {"init.gap_px", std::to_string(kGapPx)},
-            {"lr.supported",
-             rounded(many < 1 ? std::pow(kFreeRates, between(1.0, many, covered_)) : 0)}};
+            {"lr.supported", rounded(std::pow(kFreeRates, between(1.0, many, covered_)))}};
         const int full = many > 0 ? int(std::lround(kRising * iterations_ / many)) : 0;
         // Gradients of cameras need all of it.
         const bool refines = look_.pose_error >= kPoseError || in_.options.cameras.refine;
@@ -312,8 +313,17 @@ private:
     }
 
     void multi_view() {
-        const bool on = look_.views_in_wide_pairs > 0;
-        const double strength = !on ? 0 : in_.dense ? 1 : covered_;
+        // Splats that stereo supports can be compared at wide angles, with less weight.
+        const bool widest =
+            in_.supported && look_.views_in_widest_pairs > look_.views_in_wide_pairs;
+        const float angle = widest ? kWidestAngleDeg : kWideAngleDeg;
+        const double share = widest ? look_.views_in_widest_pairs : look_.views_in_wide_pairs;
+        const double weight = widest ? std::clamp((double(kWidestAngleDeg) - look_.pair_angle_deg) /
+                                                      (double(kWidestAngleDeg) - kFullAngleDeg),
+                                                  0.0, 1.0)
+                                     : 1;
+        const bool on = share > 0;
+        const double strength = !on ? 0 : weight * (in_.dense ? 1 : covered_);
         // Before the splats are opaque, the compared depths are means of near and far ones. They
         // need as many iterations in a longer training; a short one starts earlier.
         const int opaque = in_.supported ? 1 : kOpaqueAfter;
@@ -326,16 +336,19 @@ private:
             starts.emplace_back(str("loss.", term.key, ".start"), start);
         }
         settings.emplace_back("loss.multi_view.limits", "relative");
-        settings.emplace_back("loss.multi_view.fallback_angle_deg", str(kWideAngleDeg));
+        settings.emplace_back("loss.multi_view.fallback_angle_deg", str(angle));
         if (on && !in_.dense) settings.insert(settings.end(), starts.begin(), starts.end());
         const std::string choice = on ? percent(strength) : "off",
-                          pairs =
-                              str(percent(look_.views_in_pairs),
-                                  " of the photographs have another within ",
-                                  in_.options.loss.multi_view.max_angle_deg, " degrees, ",
-                                  percent(look_.views_in_wide_pairs), " within ", kWideAngleDeg);
+                          pairs = str(percent(look_.views_in_pairs),
+                                      " of the photographs have another within ",
+                                      in_.options.loss.multi_view.max_angle_deg, " degrees, ",
+                                      percent(share), " within ", angle,
+                                      weight < 1
+                                          ? str("; half of them ", rounded(look_.pair_angle_deg),
+                                                " or more, less weight from ", kFullAngleDeg, " on")
+                                          : "");
         if (in_.dense) {
-            plan_.push_back({"multi-view", choice, pairs, look_.views_in_wide_pairs, 0, settings});
+            plan_.push_back({"multi-view", choice, pairs, share, 0, settings});
         } else {
             by_cloud("multi-view", choice, settings);
             plan_.back().reason += str("; ", pairs);

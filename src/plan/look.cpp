@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "core/error.h"
+#include "core/math/quantile.h"
 #include "core/progress.h"
 #include "core/scene/photo_light.h"
 #include "mesh/fuse/focus.h"
@@ -71,6 +72,19 @@ std::vector<int> nearest_views(const Scene& scene) {
                 best = cosine, nearest[v] = other;
     }
     return nearest;
+}
+
+/// See SceneLook::pair_angle_deg; 0 without pairs.
+double pair_angle_deg(const Scene& scene, const ViewPairOptions& options) {
+    std::vector<double> angles;
+    const std::vector<std::vector<int>> pairs = select_view_pairs(scene, options, true).of_view;
+    for (int v = 0; v < static_cast<int>(pairs.size()); ++v)
+        if (!pairs[v].empty())
+            angles.push_back(
+                std::acos(std::clamp(dot(optical_axis(scene.train[v].camera),
+                                         optical_axis(scene.train[pairs[v].front()].camera)),
+                                     -1.0, 1.0)));
+    return quantile(angles, 0.5) * 180 / M_PI;
 }
 
 /// The colour of the images' borders, see SceneLook.
@@ -211,6 +225,9 @@ SceneLook look_at(const Scene& scene,
     look.views_in_pairs = share_with_pair(scene, relative);
     relative.fallback_angle_deg = std::max(relative.fallback_angle_deg, kWideAngleDeg);
     look.views_in_wide_pairs = share_with_pair(scene, relative);
+    relative.fallback_angle_deg = std::max(relative.fallback_angle_deg, kWidestAngleDeg);
+    look.views_in_widest_pairs = share_with_pair(scene, relative);
+    look.pair_angle_deg = pair_angle_deg(scene, relative);
     return look;
 }
 

@@ -12,8 +12,9 @@
 
 namespace tvsgs {
 
-/// The widest angle between the optical axes of two views at which pairing them is known to help.
-inline constexpr float kWideAngleDeg = 37;
+/// Angles between the optical axes of two views: up to the first, comparing them is known to help
+/// as much as at small ones; up to the second, views without a nearer one are compared.
+inline constexpr float kWideAngleDeg = 37, kWidestAngleDeg = 75;
 
 struct SceneLook {
     int train_views = 0, test_views = 0;
@@ -27,10 +28,12 @@ struct SceneLook {
     /// of the initial points that views see on it. Share 0: the borders of the views differ.
     int background[3] = {0, 0, 0};
     double background_border = 0, background_points = 0;
-    bool outside = false;            // a mask leaves out a part of its photograph
-    double views_in_pairs = 0;       // share within loss.multi_view's relative limits
-    double views_in_wide_pairs = 0;  // the same, up to kWideAngleDeg for views without a pair
-    double pose_error = NAN;         // View::pose_error_px, median of the views that have one
+    bool outside = false;              // a mask leaves out a part of its photograph
+    double views_in_pairs = 0;         // share within loss.multi_view's relative limits
+    double views_in_wide_pairs = 0;    // the same, up to kWideAngleDeg for views without a pair
+    double views_in_widest_pairs = 0;  // the same, up to kWidestAngleDeg
+    double pair_angle_deg = 0;         // of these pairs, to the nearest view; median
+    double pose_error = NAN;           // View::pose_error_px, median of the views that have one
     /// Ratio of a view's brightness to its nearest view's - 1, median over common points; the
     /// largest of the views. NaN: no two views share enough points.
     double exposure_drift = 0;

@@ -297,6 +297,15 @@ TEST(Plan, IterationsByTheNumberOfViews) {
     EXPECT_EQ(choice(plan_of(many), "iterations"), "15000") << "no more than the settings have";
 }
 
+TEST(Plan, MeasuresTheAngleBetweenPairs) {
+    for (const double step_deg : {20.0, 36.0, 50.0}) {
+        const SceneLook look = look_of(patch_scene(3, step_deg, 3600));
+        EXPECT_NEAR(look.pair_angle_deg, step_deg, 0.01);
+        EXPECT_EQ(look.views_in_widest_pairs, 1);
+        EXPECT_EQ(look.views_in_wide_pairs, step_deg < 37 ? 1 : 0);
+    }
+}
+
 TEST(Plan, MultiViewLossesWhereAViewHasAnother) {
     // Angle of optical axes: 30 degrees, or up to 37 for views without another pair.
     for (const auto& [step_deg, on] : {std::pair(29.0, true), {36.0, true}, {38.0, false}}) {

@@ -17,11 +17,14 @@ using namespace test;
 Settings by_cloud(double points_per_pixel,
                   int views = 3,
                   const std::function<void(TrainingInputs&)>& change = {},
-                  double in_pairs = 1) {
+                  double in_pairs = 1,
+                  double angle_deg = 0) {
     SceneLook look;
     look.train_views = views, look.points = 1000, look.pixels = 8000;
     look.points_per_pixel = points_per_pixel;
     look.views_in_pairs = look.views_in_wide_pairs = in_pairs;
+    look.views_in_widest_pairs = angle_deg > 0 ? 1 : in_pairs;
+    look.pair_angle_deg = angle_deg;
     TrainingInputs in;
     in.configured = in.options.iterations = 15000, in.normals = true;
     in.options.tv.vote_every = 10, in.options.tv.refresh_every = 100;
@@ -127,9 +130,9 @@ TEST(Plan, MoreViewsGiveTheSurfaceToPhotometricGradients) {
                       {3, 1200, 0, 1, 1},
                       {5, 2000, 1800, std::pow(3, 1 / 3.), 1 / 3.},
                       {6, 2400, 1440, std::sqrt(3), 0},
-                      {9, 2500, 750, 0, 0},
-                      {20, 2500, 750, 0, 0},
-                      {32, 4000, 1200, 0, 0}};
+                      {9, 2500, 750, 3, 0},
+                      {20, 2500, 750, 3, 0},
+                      {32, 4000, 1200, 3, 0}};
     for (const auto& [views, iterations, full, rates, votes] : rows) {
         SCOPED_TRACE(views);
         EXPECT_EQ(at(views, "iterations"), iterations);
@@ -146,6 +149,24 @@ TEST(Plan, MoreViewsGiveTheSurfaceToPhotometricGradients) {
     const Settings apart = by_cloud(0.2, 9, by_stereo, 0);
     EXPECT_EQ(value_of(apart, "loss.photometric.geometry_full", -1), 0) << "too far apart";
     EXPECT_EQ(value_of(apart, "lr.supported", -1), 1);
+}
+
+TEST(Plan, WidePairsCountLess) {
+    const auto at = [](double angle_deg, const char* key) {
+        return value_of(by_cloud(0.2, 6, by_stereo, 0, angle_deg), key, -1);
+    };
+    for (const auto& [angle_deg, weight] :
+         {std::pair(40.0, 0.15), {45.0, 0.15}, {60.0, 0.075}, {69.0, 0.03}, {76.0, 0.0}}) {
+        SCOPED_TRACE(angle_deg);
+        EXPECT_NEAR(at(angle_deg, "loss.multi_view_ncc.weight"), weight, 1e-6);
+        EXPECT_EQ(at(angle_deg, "loss.multi_view.fallback_angle_deg"), 75);
+        EXPECT_EQ(at(angle_deg, "loss.photometric.geometry_full"), 0) << "too wide to hold them";
+    }
+    // Without a start by stereo, and where all views have a nearer one.
+    const Settings sfm = by_cloud(0.2, 6, {}, 0, 60), near = by_cloud(0.2, 6, by_stereo, 1, 20);
+    EXPECT_EQ(value_of(sfm, "loss.multi_view_ncc.weight", -1), 0);
+    EXPECT_EQ(value_of(near, "loss.multi_view_ncc.weight", -1), 0.15);
+    EXPECT_EQ(value_of(near, "loss.multi_view.fallback_angle_deg", -1), 37);
 }
 
 TEST(Plan, OnlyAStartByStereoHasASurface) {
