@@ -116,6 +116,32 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     EXPECT_LT(radii().back(), 1);
 }
 
+TEST_F(ExtractMesh, OnlyTheObject) {
+    // Voxels of 2 hold the dome and lose the ball.
+    const std::string coarse = "--depth-max 150 --voxel-size 2 --truncation 8 --no-preview ";
+    const Result all = extract(coarse);
+    ASSERT_EQ(all.code, 0) << all;
+    EXPECT_NEAR(radii().back(), kDome, 3);
+    EXPECT_FALSE(all.says("Left out")) << all;
+    const Result everything = extract(coarse + "--set mesh.object=1 --everything");
+    ASSERT_EQ(everything.code, 0) << everything;
+    EXPECT_NEAR(radii().back(), kDome, 3);
+
+    const std::string fine = "--mesh-resolution 200 --truncation 0.15 --no-preview ";
+    const Result object = extract(fine + "--depth-max 150 --voxel-size 0.045 --set mesh.object=1");
+    ASSERT_EQ(object.code, 0) << object;
+    EXPECT_LT(radii().back(), 1);
+    EXPECT_TRUE(object.says("Left out: everything farther than ")) << object;
+    EXPECT_TRUE(object.says("--everything keeps it")) << object;
+
+    // A smaller ball cuts the object, where the cameras look.
+    const std::size_t vertices = radii().size();
+    const Result part = extract(fine + "--set mesh.object=0.3");
+    ASSERT_EQ(part.code, 0) << part;
+    EXPECT_LT(radii().size(), vertices / 2);
+    EXPECT_GT(radii().size(), vertices / 20);
+}
+
 TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
     const std::string flags = "--no-preview --set mesh.voxel_scale=";
     const Result fine = extract(flags + "1");
