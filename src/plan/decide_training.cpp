@@ -316,12 +316,11 @@ private:
         // Splats that stereo supports can be compared at wide angles, with less weight.
         const bool widest =
             in_.supported && look_.views_in_widest_pairs > look_.views_in_wide_pairs;
-        const float angle = widest ? kWidestAngleDeg : kWideAngleDeg;
+        const double angle{widest ? kWidestAngleDeg : kWideAngleDeg};
         const double share = widest ? look_.views_in_widest_pairs : look_.views_in_wide_pairs;
-        const double weight = widest ? std::clamp((double(kWidestAngleDeg) - look_.pair_angle_deg) /
-                                                      (double(kWidestAngleDeg) - kFullAngleDeg),
-                                                  0.0, 1.0)
-                                     : 1;
+        const double weight =
+            widest ? std::clamp((angle - look_.pair_angle_deg) / (angle - kFullAngleDeg), 0.0, 1.0)
+                   : 1;
         const bool on = share > 0;
         const double strength = !on ? 0 : weight * (in_.dense ? 1 : covered_);
         // Before the splats are opaque, the compared depths are means of near and far ones. They
@@ -343,10 +342,7 @@ private:
                                       " of the photographs have another within ",
                                       in_.options.loss.multi_view.max_angle_deg, " degrees, ",
                                       percent(share), " within ", angle,
-                                      weight < 1
-                                          ? str("; half of them ", rounded(look_.pair_angle_deg),
-                                                " or more, less weight from ", kFullAngleDeg, " on")
-                                          : "");
+                                      weight < 1 ? ", less weight from 45 degrees on" : "");
         if (in_.dense) {
             plan_.push_back({"multi-view", choice, pairs, share, 0, settings});
         } else {

@@ -51,10 +51,6 @@ std::vector<Camera> cameras_of(const std::vector<View>& views) {
     return cameras;
 }
 
-bool needs_focus(const MeshOptions& options) {
-    return options.depth_max == 0 || options.meshes_background() || options.object > 0;
-}
-
 MeshRegion mesh_region(const MeshOptions& options,
                        const std::vector<Camera>& cameras,
                        const Focus& focus,

@@ -98,10 +98,8 @@ struct MeshSummary {
 namespace detail {
 
 std::vector<Camera> cameras_of(const std::vector<View>& views);
-/// Whether the region to mesh depends on the point that the cameras look at.
-bool needs_focus(const MeshOptions& options);
 /// The region to mesh; sets rules.depth_max if it is 0, and the ball of MeshOptions::object.
-/// `focus` is used only with needs_focus().
+/// `focus` is used only if the region is unbounded, has a ball, or has no depth_max.
 MeshRegion mesh_region(const MeshOptions& options,
                        const std::vector<Camera>& cameras,
                        const Focus& focus,
@@ -181,7 +179,8 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const Gaussians<Device>& gaussians = meshed.size() > 0 ? meshed : all;
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
-    if (detail::needs_focus(options)) focus = detail::focus_of_scene(views, all, *backbone);
+    if (options.depth_max == 0 || options.meshes_background() || options.object > 0)
+        focus = detail::focus_of_scene(views, all, *backbone);
     const std::vector<Camera> cameras = detail::cameras_of(views);
     const MeshRegion region = detail::mesh_region(options, cameras, focus, rules);
     counts.object_radius = rules.reach;
