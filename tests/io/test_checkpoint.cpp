@@ -56,7 +56,8 @@ TEST_F(CheckpointFile, ComesBack) {
     State a, b;
     fill(a, "means", 30);
     a.add("empty", 4, 0, true);
-    b.add("flags", 1, 5, false).bytes[4] = std::byte{9};
+    auto& flags = b.add("flags", 1, 5, false).bytes;
+    std::memset(flags.data(), 9, flags.size());
     write_checkpoint(path_, {&a, &b});
     const State read = read_checkpoint(path_);
     ASSERT_EQ(read.arrays.size(), 3u);
