@@ -12,23 +12,23 @@
 
 namespace tvsgs {
 
-/// The rasteriser that the plan chooses where it may.
+/// The rasteriser that the plan chooses if TrainingInputs::discs allows it.
 inline constexpr const char* kDiscs = "surfel";
 
 /// The choices of decide_settings().
 inline constexpr const char *kFewPhotographs = "few photographs",
                             *kManyPhotographs = "many photographs";
 
-/// Keeps photographs that do not fit into memory in a file. Empty: they fit.
+/// Keeps the photographs in a file if they do not fit into memory. Empty: they fit.
 std::vector<Decision> decide_photographs(const PhotoStorage& storage);
 
-/// The preset. That of many photographs has no votes, which measured points need.
+/// Chooses the preset. Measured points need votes, which only kFewPhotographs has.
 Decision decide_settings(int train_views, bool measured_points);
 
 /// Whether and how masks are used. Empty: there are none.
 std::vector<Decision> decide_masks(const MaskLook& look);
 
-/// Whether stereo makes a cloud in place of the scene's own. `dense`: many photographs.
+/// Whether stereo makes a cloud in place of the scene's own. `dense`: for kManyPhotographs.
 Decision decide_cloud(const SceneLook& look, bool dense);
 
 /// Why a training cannot start from these points; empty: it can.
@@ -37,35 +37,35 @@ std::string start_fault(const StartLook& look);
 /// Whether a sky is drawn behind the splats. `share`: SkyDetection::share.
 Decision decide_sky(double share);
 
-/// Whether surfaces far behind the scene's centre are meshed. `masked`: of points inside masks.
+/// Whether surfaces far behind the scene's centre are meshed. `masked`: only points in masks.
 Decision decide_background(double share_beyond, bool masked = false);
 
-/// Whether only the object is meshed. Empty: the cameras stand on one side of it.
+/// Meshes only the object. Empty: the cameras stand on one side of it, or see no common ball.
 std::vector<Decision> decide_object(const CommonBall& ball);
 
 /// States that the training is planned for `given` points per pixel instead of the measured ones.
 Decision decide_coverage(double measured, double given);
 
-/// Removes the losses of votes where the user has switched voting off.
+/// Removes the losses that use votes; for a training with voting switched off.
 Decision drop_voting_losses();
 
-/// Removes the losses that make splats thin where the rasteriser has no use for them.
+/// Removes losses that make splats thin, if splats are flat or the rasteriser fades thin ones.
 std::vector<Decision> drop_thickness_losses(const TrainOptions& options);
 
 /// Inputs of decide_training() beside the look.
 struct TrainingInputs {
-    bool dense = false;        // the settings that were chosen
+    bool dense = false;        // the preset is kManyPhotographs
     bool discs = false;        // kDiscs may be chosen: fast here, and the user asks for no other
     TrainOptions options;      // as resolved so far
-    int configured = 0;        // iterations that their schedule was made for
+    int configured = 0;        // iterations that the schedule of `options` was made for
     int wanted = -1;           // iterations that the user asks for; below 0: none
     bool normals = false;      // stereo has found normals, and the user asks for no other priors
     bool supported = false;    // stereo made the start points, and the user allows init.support
     bool parts_colors = true;  // as BackboneTraits, of the backbone as resolved so far
-    LossOptions multi_view;    // the dense settings' losses, whose multi-view terms are taken
+    LossOptions multi_view;    // losses of kManyPhotographs; only multi-view terms are used
 };
 
-/// Decides on the training, from the look at the cloud that it starts from.
+/// Decides on the training. `look`: at the scene with the cloud that the training starts from.
 std::vector<Decision> decide_training(const SceneLook& look, const TrainingInputs& inputs);
 
 /// Splats that a training is expected to reach, and where the number comes from.
@@ -89,10 +89,10 @@ struct MachineInputs {
     bool may_compact = false;  // the plan may choose tv.lists
 };
 
-/// How a training is held in memory: the first of these that holds the expected splats: all on the
-/// device; photographs on the host; compact lists of votes; both. If none does, it proposes blocks
-/// and takes the way that holds most splats: growth stops there, or plan_memory() throws if the
-/// first splats do not fit.
+/// Chooses how memory holds a training: the first of these ways that has room for the expected
+/// splats: all on the device; photographs on the host; compact lists of votes; both. If no way has
+/// room, it proposes blocks and takes the way that holds most splats. Growth then stops at that
+/// number, or plan_memory() throws if the first splats do not fit.
 Decision decide_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
 
 }  // namespace tvsgs

@@ -12,30 +12,30 @@
 
 namespace tvsgs {
 
-/// Angles between the optical axes of two views: up to the first, comparing them is known to help
-/// as much as at small ones; up to the second, views without a nearer one are compared.
+/// Angles between the optical axes of two views. Up to kWideAngleDeg, comparison is known to help
+/// as much as at small angles. Up to kWidestAngleDeg, views without a nearer view are compared.
 inline constexpr float kWideAngleDeg = 37, kWidestAngleDeg = 75;
 
 struct SceneLook {
     int train_views = 0, test_views = 0;
     double megapixels = 0;        // of all training views
     std::size_t points = 0;       // of the initial cloud
-    double pixels = 0;            // of a view that stereo could match, median
-    double matchable = 1;         // their share of the view, median
-    double points_per_pixel = 0;  // initial points on these pixels / pixels, median
+    double pixels = 0;            // number of a view's pixels that stereo could match, median
+    double matchable = 1;         // share of these pixels in the view, median
+    double points_per_pixel = 0;  // initial points on these pixels / their number, median
     double reduction = 1;         // width of the photograph's file / of the view, median
-    /// Colour of the images' borders, 0 to 255; its share of them, smallest over the views; share
-    /// of the initial points that views see on it. Share 0: the borders of the views differ.
+    /// Colour of the images' borders, 0 to 255; share of a border with it, smallest over the views,
+    /// 0 if the views' borders differ; share of the points' projections that fall on it.
     int background[3] = {0, 0, 0};
     double background_border = 0, background_points = 0;
     bool outside = false;              // a mask leaves out a part of its photograph
-    double views_in_pairs = 0;         // share within loss.multi_view's relative limits
-    double views_in_wide_pairs = 0;    // the same, up to kWideAngleDeg for views without a pair
-    double views_in_widest_pairs = 0;  // the same, up to kWidestAngleDeg
-    double pair_angle_deg = 0;         // of these pairs, to the nearest view; median
+    double views_in_pairs = 0;         // share with a pair within loss.multi_view's relative limits
+    double views_in_wide_pairs = 0;    // the share if views without a pair may use kWideAngleDeg
+    double views_in_widest_pairs = 0;  // the share if they may use kWidestAngleDeg
+    double pair_angle_deg = 0;         // of these pairs: from a view to its nearest partner; median
     double pose_error = NAN;           // View::pose_error_px, median of the views that have one
-    /// Ratio of a view's brightness to its nearest view's - 1, median over common points; the
-    /// largest of the views. NaN: no two views share enough points.
+    /// |ratio - 1| of the brightness of a view and its nearest view, median over their common
+    /// points, largest over the views. NaN: no two views share enough points.
     double exposure_drift = 0;
 };
 
@@ -46,25 +46,25 @@ SceneLook look_at(const Scene& scene,
                   const SkyDetection& sky = {});
 
 struct MaskLook {
-    int views = 0, masked = 0;  // training views; those with a mask
+    int views = 0, masked = 0;  // training views; training views with a mask
     int outside = 0;            // views whose mask leaves out pixels that the lens saw
     std::string empty;          // the first view whose mask has no pixel of the object
     double border = 0;          // share of an image's border outside the mask, median
-    double matched = 0;         // share of the points, where views see them, outside the masks
+    double matched = 0;         // share of the points' projections that are outside the masks
 };
 MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>& points);
 
 struct StartLook {
     std::size_t points = 0;
-    /// Share of the photographs' cells (inside masks), 64 along the longer side, that show a point.
+    /// Share of the cells (inside masks) that show a point; 64 along a photograph's longer side.
     double covered = 0;
 };
 StartLook look_at_start(const std::vector<View>& train,
                         const std::vector<Vec3f>& points,
                         bool masks);
 
-/// Share of the points in two or more images that lie at or beyond the depth limit of a bounded
-/// mesh in all of these. NaN: there are none, or the cameras look at no common point.
+/// Of the points in two or more images, the share that lies at or beyond the depth limit of a
+/// bounded mesh in all these images. NaN: no such points, or the cameras look at no common point.
 double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points);
 
 /// The ball that the cameras see, and how far they stand on one side of it; see mesh/fuse/focus.h.

@@ -21,14 +21,14 @@ struct MemoryOptions {
     }
 };
 
-/// Bytes: fixed ones, and those of each splat.
+/// Fixed bytes, and bytes per splat.
 struct MemoryNeed {
     std::int64_t fixed = 0, per_splat = 0;
 
     std::int64_t at(std::int64_t splats) const { return fixed + per_splat * splats; }
 };
 
-/// Bytes that the training may use. On a CPU both are the host's.
+/// Bytes that the training may use. On a CPU both limits are the host's.
 struct MemoryLimits {
     std::int64_t device = 0, host = 0;
 };
@@ -38,7 +38,7 @@ MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda);
 /// Measured peaks of trainings are between half of this estimate and all of it.
 struct MemoryPlan {
     MemoryNeed buffers;  // all Buffers on the training device
-    MemoryNeed host;     // all on the host; on a CPU with `buffers`
+    MemoryNeed host;     // all memory on the host; on a CPU it includes `buffers`
     MemoryLimits limits;
     std::int64_t first = 0;  // splats at the start
     std::int64_t most = 0;   // growth stops at this number of splats
@@ -49,18 +49,18 @@ struct MemoryPlan {
     std::string text() const;
     /// Bytes for the first splats, of the device that trains.
     std::int64_t first_bytes() const { return (cuda ? buffers : host).at(first); }
-    /// RUN/memory.json
+    /// Text of RUN/memory.json.
     std::string json() const;
 };
 
-/// Share of the first splats in the training view that has most of them, with room for splats that
-/// reach into the image and for growth in this view; 1 without points.
+/// Share of the first splats that the training view with most of them sees, plus room for splats
+/// that reach into its image and for growth there; 1 without points.
 double share_in_view(const Scene& scene);
 
 /// Bytes per splat that one render keeps for its backward pass.
 std::int64_t view_bytes_per_splat(double share_in_view);
 
-/// How many splats fit into `limits`.
+/// Number of splats that fit into `limits`.
 std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits);
 
 /// Whether the number of splats may rise.
@@ -69,26 +69,26 @@ bool grows(const TrainOptions& options);
 /// Number of splats at which the options stop growth, without regard to memory.
 std::int64_t growth_cap(const Scene& scene, const DensifyOptions& options);
 
-/// Whether photographs and maps fill more than half of the device, and so stay on the host.
+/// Whether photographs and maps would fill over half of `device_limit`; then they stay on the host.
 bool photos_crowd(const Scene& scene, const TrainOptions& options, std::int64_t device_limit);
 
-/// options.photo_bytes; 1 on a CPU if the photographs are in a file and the options set no size.
+/// Returns options.photo_bytes; if it is 0, returns 1 on a CPU with the photographs in a file.
 std::int64_t photo_budget(const Scene& scene, const TrainOptions& options, bool cuda);
 
-/// Number of blocks for `splats`, if one holds `fitting` of them with its margin.
+/// Number of blocks that hold `splats`, if a block has room for `fitting` splats with its margin.
 std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting);
 /// The command that makes these blocks.
 std::string split_command(const std::string& scene, std::int64_t blocks);
 
-/// The needs for `splats` at the start.
+/// Estimates the memory of a training that starts with `splats` splats.
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& options,
                            std::int64_t splats,
                            bool cuda);
 
-/// Estimates within memory_limits(), lowers options.densify.max_gaussians to the limit of growth
-/// and the number that fits, and sets the limits of the allocators. Throws Error(ExitCode::memory)
-/// if the first splats do not fit.
+/// Estimates the memory; lowers options.densify.max_gaussians to growth_cap() and to the number of
+/// splats that fit into memory_limits(); sets options.photo_bytes and the limits of the allocators.
+/// Throws Error(ExitCode::memory) if the first splats do not fit.
 MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,
                        std::int64_t splats,

@@ -24,7 +24,7 @@ inline constexpr double kMinNormalGap =
 // Below this gap float rounding of the sums decides the normal, so the splat does not vote.
 inline constexpr double kMinVotingGap = 1e-5;
 inline constexpr double kStrongVote = 1e-3;  // decay above which tv.min_votes counts a vote
-// Share of lambda_1, ten times the rounding of float: a saliency must be larger by this margin.
+// Margin by which a saliency must be larger, as a share of lambda_1: some 80 times float's epsilon.
 inline constexpr float kRoundingMargin = 1e-5f;
 
 /// Options of the whitening; see TvOptions.
@@ -91,8 +91,8 @@ TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
 }
 
 /// The factor c kappa^2 / tau^2 of (sin theta / L)^2 in a vote's exponent; L is the whitened
-/// distance. A vote at 45 degrees has a tenth of the strength of a straight vote at the median
-/// distance: scale-free tau / tau_per_median, else 2, as in the paper.
+/// distance. At the median distance a vote at 45 degrees has a tenth of a straight vote's strength.
+/// This distance is tau / tau_per_median if scale-free, else 2, as in the paper.
 template <class Real>
 TVSGS_HD Real curvature_factor(bool scale_free, Real tau, Real tau_per_median) {
     const Real median = scale_free ? tau / tau_per_median : Real(2);
@@ -104,7 +104,7 @@ template <class Real>
 struct alignas(16) VoterRecord {
     Vec3<Real> mean;
     Real inverse_tau2;
-    Mat3<Real> W;             // to the whitened space; the third axis is a plate's normal
+    Mat3<Real> W;             // whitened_from_world; a plate's normal is the third axis
     Vec3<Real> normal_world;  // the third axis mapped back by the inverse whitening
     Real strength;
     Real curvature;  // curvature_factor()
@@ -121,7 +121,7 @@ TVSGS_HD Real inverse_square_or_zero(Real tau) {
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
 }
 
-/// Returns the record, or zeros if any number is not finite: sums would be NaN even at decay 0.
+/// Returns the record, or zeros if a number is not finite, else sums would be NaN at decay 0.
 template <class Real>
 TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) {
     const Vec3<Real> m = voter.mean, n = voter.normal_world;
@@ -132,9 +132,9 @@ TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) 
     return zero == 0 ? voter : VoterRecord<Real>{};
 }
 
-/// Record of a voter; silent if it is not finite. `normal`: unit, world; zero for a ball. The
-/// whitened axes are S'^-1 R^T up to a rotation: a plate's makes its normal the third axis, which
-/// in the world is normal / |S' R^T normal|, without rounding from R and S'.
+/// Record of a voter; silent if it is not finite. `normal`: unit, world; zero for a ball. W is
+/// S'^-1 R^T up to a rotation, which makes a plate's normal the third axis. So the third row of W
+/// is normal / |S' R^T normal|, and its direction has no rounding from R and S'.
 template <class Real>
 TVSGS_HD VoterRecord<Real> voter_record(Vec3<Real> mean,
                                         const Whitening<Real>& w,
@@ -201,12 +201,12 @@ TVSGS_HD Real arc_factor2(Real sine, Real cosine) {
 
 template <class Math, class Real, class Condition>
 TVSGS_HD Vote<Real> scaled_vote(Condition cast, Real decay, Vec3<Real> v, const VoteRule& rule) {
-    const Real least(1e-37f);  // with a finite inverse
+    const Real least(1e-37f);  // its inverse is finite
     return {cast, decay, v, rule.unit_length ? Math::inverse(maximum(dot(v, v), least)) : Real(1)};
 }
 
-// Votes branch only by select(), so that a Pack of votes can be computed at once. Without a vote
-// the quotients have any value, and the final select drops them.
+// Votes branch only by select(), so that a Pack of votes can be computed at once. If no vote is
+// cast, the quotients have any value, and the final select() drops them.
 
 /// `d`: receiver - voter.mean in the world; `dw` = W d.
 template <class Math, class Real>

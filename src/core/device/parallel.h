@@ -40,8 +40,8 @@ TVSGS_HD inline void add_atomically(std::int64_t* target, std::int64_t value) {
 #endif
 }
 
-/// *target = min(*target, value), safe when several bodies write to one element and independent of
-/// the order.
+/// *target = min(*target, value), safe when several bodies write to one element. The result does
+/// not depend on their order.
 TVSGS_HD inline void min_atomically(std::int64_t* target, std::int64_t value) {
 #if defined(__CUDA_ARCH__)
     atomicMin(reinterpret_cast<long long*>(target), static_cast<long long>(value));
@@ -53,7 +53,7 @@ TVSGS_HD inline void min_atomically(std::int64_t* target, std::int64_t value) {
 #endif
 }
 
-/// Number of blocks of a fixed-shape reduction, and of partial sums that it stores.
+/// Number of blocks, and of stored partial sums, of a reduction whose shape is fixed.
 inline constexpr int kSumBlocks = 256;
 
 /// *sum += scale * (sum of term(i) for i in [0, count)), in double and in a fixed order:

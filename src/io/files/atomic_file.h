@@ -10,10 +10,10 @@
 namespace tvsgs {
 
 /// A file that appears under its name only when commit() has flushed it to disk, so no reader sees
-/// an incomplete file. Follows a link. Writes directly to a stream (is_stream()), after its present
-/// content. Adds the file to the manifest of its folder, if any (io/files/manifest.h). Throws
-/// Error(ExitCode::usage) if a file of that name exists that tvsgs did not write, and
-/// Error(ExitCode::io) with the path and the system's reason.
+/// an incomplete file. Follows a symbolic link. Appends directly to a stream (is_stream()). Adds
+/// the file to its folder's manifest, if there is one (io/files/manifest.h). Throws
+/// Error(ExitCode::usage) if a file of that name exists, is not empty and was not written by tvsgs,
+/// and Error(ExitCode::io) with the path and the system's reason.
 class AtomicFile {
 public:
     explicit AtomicFile(const std::string& path);  // creates the parent folders
@@ -33,8 +33,8 @@ private:
     std::FILE* file_ = nullptr;
 };
 
-/// Removes the temporary files of this process. For signal handlers that end the process: calls
-/// only functions that POSIX allows there.
+/// Removes the temporary files of this process. Signal handlers that end the process may call it:
+/// it calls only functions that POSIX allows in them.
 void remove_temporary_files() noexcept;
 
 /// True for a path that is not a regular file, such as a pipe or /dev/stdout.

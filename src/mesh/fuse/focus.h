@@ -33,8 +33,8 @@ double common_radius(const std::vector<Camera>& cameras, const Focus& focus);
 /// them. 0: on all sides, 0.64: half a circle, 1: at one place.
 double one_sidedness(const std::vector<Camera>& cameras, const Focus& focus);
 
-/// World units: `given`; else `extent` / `resolution`; if both are 0, `extent` / 2048, but at least
-/// `pixels` pixels at half the extent, where the object is. Smaller voxels hold only noise.
+/// Voxel size, world units: `given`; if 0, `extent` / `resolution`; if both are 0, `extent` / 2048,
+/// or `pixels` pixels at the object's depth `extent` / 2 if larger. Smaller ones hold only noise.
 float voxel_size(
     float given, int resolution, float extent, const std::vector<View>& views, float pixels = 1);
 

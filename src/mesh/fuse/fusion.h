@@ -125,11 +125,11 @@ TriangleMesh fuse_in_parts(int views,
 
 }  // namespace detail
 
-/// Fuses views 0 to `views` - 1, in this order; the same bytes for every options.max_bytes.
-/// `source(i)` renders view i, valid until the next call: once per view while everything fits (once
-/// more to carve, and for trust), and again from view 0 if the volume does not fit. Then an unnamed
-/// file in `spill_folder` takes 16 bytes per pixel of every view, 20 with weights. Throws what
-/// TsdfVolume and PartPlanner throw.
+/// Fuses views 0 to `views` - 1 in this order; every options.max_bytes gives the same bytes.
+/// `source(i)` renders view i, valid until the next call. If everything fits, it is called once per
+/// view, once more to carve, and once more for trust. Else it is called again from view 0 on, once
+/// per view, and an unnamed file in `spill_folder` takes 16 bytes per pixel of every view, 20 with
+/// weights. Throws what TsdfVolume and PartPlanner throw.
 template <class Device>
 TriangleMesh fuse_views(int views,
                         const std::function<DepthView<Device>(int)>& source,

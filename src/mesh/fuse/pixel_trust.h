@@ -7,7 +7,7 @@
 namespace tvsgs {
 
 /// Weights of trusted and other pixels. A voxel with threshold kTrustedWeight needs one trusted
-/// pixel or two others. Sums are exact: only one trusted pixel alone gives exactly this weight.
+/// pixel or two others. Sums are exact: this weight means one trusted pixel alone.
 inline constexpr float kTrustedWeight = 1, kDoubtedWeight = 0.75f;
 
 /// Default limit of a depth jump between neighbours of one surface, in pixel widths along the
@@ -20,13 +20,13 @@ struct SurfacePixel {
     float depth;   // 0: none
     Vec3f normal;  // facing the camera, of any length; 0: unknown
 
-    /// Depth at which the plane of this element meets another ray; its own depth if that is not in
-    /// front.
+    /// Depth at which the plane of this element meets another ray; its own depth if they do not
+    /// meet in front of the camera.
     TVSGS_HD float depth_at(Vec3f other) const {
         const float d = depth * (dot(normal, ray) / dot(normal, other));
         return d > 0 ? d : depth;
     }
-    /// Extent of a pixel along the surface; at most ten times the frontal extent.
+    /// Extent of a pixel along the surface; at most ten times its extent on a frontal surface.
     TVSGS_HD float width(float focal_px) const {
         const float cosine = -dot(ray, normal) / (norm(ray) * norm(normal));
         return depth / (focal_px * (cosine > 0.1f ? cosine : 0.1f));
@@ -47,9 +47,9 @@ TVSGS_HD inline bool is_jump(const SurfacePixel& a,
              jump_px * (width_a > width_b ? width_a : width_b));
 }
 
-/// Computes the weight of a pixel. It is trusted if, along the row and along the column, the
-/// surface continues to at least one side, and no neighbour beyond a jump is in front. So the front
-/// side of a boundary is trusted, but not the pixels behind it, nor pixels between front and back.
+/// Computes the weight of a pixel. It is trusted if, along its row and along its column, the
+/// surface continues to at least one side and no neighbour across a jump is in front. So pixels on
+/// the front side of a boundary are trusted; pixels behind it, and between front and back, are not.
 struct PixelTrustBody {
     Camera camera;
     Span<const float> kept;      // [H W] 0: dropped
@@ -62,8 +62,8 @@ struct PixelTrustBody {
         const int i = y * camera.width_px + x;
         return {pixel_ray(camera, x, y), kept[i] > 0 ? rendered[i] : 0, normals[i]};
     }
-    /// Whether the surface continues to one of two opposite neighbours and neither is in front
-    /// beyond a jump. A neighbour outside of the image is taken to be like the other one.
+    /// Whether the surface continues to one of two opposite neighbours, and neither lies in front
+    /// across a jump. A neighbour outside of the image counts like the other one.
     TVSGS_HD bool continues(const SurfacePixel& own, int x, int y, int dx, int dy) const {
         int neighbours = 0, jumps = 0;
         for (const int side : {-1, 1}) {

@@ -1,5 +1,5 @@
-// The repairs of an extracted mesh: proper triangles, at most two at each edge; removal of what is
-// small or not confirmed by views and photographs; closing of holes; smoothing.
+// The repairs of an extracted mesh: proper triangles, at most two at each edge; removal of parts
+// that are small or that views or photographs do not confirm; closing of holes; smoothing.
 #pragma once
 
 #include <cstddef>
@@ -24,10 +24,10 @@ struct ManifoldReport {
     SurfaceEdges edges;              // of the repaired mesh
 };
 
-/// Merges vertices of one position that share an edge. Drops faces without three different finite
-/// corners, without area, or with the corners of an earlier face, then vertices without faces.
-/// Where more than two faces share an edge, each sheet gets its own vertices. Throws what
-/// check_indices() throws.
+/// Merges vertices that share an edge and have the same position. Drops faces without three
+/// different finite corners, without area, or with the corners of an earlier face, then vertices
+/// without faces. Where more than two faces share an edge, each sheet gets its own vertices. Throws
+/// what check_indices() throws.
 ManifoldReport make_manifold(TriangleMesh& mesh);
 
 struct CleanReport {
@@ -45,7 +45,7 @@ struct EvidenceReport {
     std::size_t components = 0, kept_components = 0;
     // Removed components; all others were too small in every view.
     std::size_t looked_through = 0;  // a view looks through them
-    // A single view sees them, without trusted pixels or while other views could.
+    // Only one view sees them: without trusted pixels, or while other views could see them.
     std::size_t single_view = 0;
     std::size_t peeled_faces = 0, removed_faces = 0;
 };
@@ -54,7 +54,7 @@ struct EvidenceReport {
 /// that enough views see and no view looks through. [docs/method/evidence.md#which-components-stay]
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source);
 
-/// Component of each face, numbered from 0 by their first faces.
+/// Component of each face; components are numbered from 0 in the order of their first faces.
 std::vector<int> face_components(const TriangleMesh& mesh);
 
 /// Drops the faces with keep[face] == 0 and unused vertices. Returns the number of dropped
@@ -68,8 +68,8 @@ struct MeasuredReport {
 
 /// Keeps the faces around which at least `share` of the surface is measured, and small parts that
 /// kept surface encloses. [docs/method/evidence.md#measured-surface] `views`: with photographs, in
-/// the order of `source`; a view without one is skipped. Keeps all faces if fewer than two views
-/// have one.
+/// the order of `source`; a view without a photograph is skipped. Keeps all faces if fewer than two
+/// views have photographs.
 MeasuredReport keep_measured_faces(TriangleMesh& mesh,
                                    const EvidenceSource& source,
                                    const std::vector<View>& views,
@@ -78,9 +78,9 @@ MeasuredReport keep_measured_faces(TriangleMesh& mesh,
 /// Number of boundary loops by outcome.
 struct HoleReport {
     std::size_t loops = 0, closed = 0, faces = 0;  // faces: of the closed holes
-    // Small enough, but a view looks through, or the filling would hide a visible surface.
+    // Small holes that a view looks through, or whose filling would hide a visible surface.
     std::size_t contradicted = 0;
-    std::size_t unfit = 0;  // small enough, but a component's outer boundary, or no filling fits
+    std::size_t unfit = 0;  // small: outer boundaries of components, or loops that no filling fits
 };
 
 /// Fills holes of at most `largest_px` pixels of the nearest view and at most kMaxHoleEdges edges,
@@ -96,9 +96,9 @@ HoleReport close_holes(TriangleMesh& mesh,
 inline constexpr int kMaxHoleEdges = 128;
 
 /// First averages the normals of adjacent faces with similar normals, so that creases stay; then
-/// moves vertices along their normals towards these planes, by at most `limit_px` pixels of the
-/// nearest camera. [Sun07] Vertices in no image, at boundaries and at non-manifold edges do not
-/// move, nor do vertices whose faces would flip. Returns the number of moved vertices.
+/// moves vertices along their normals towards the planes of these normals, by at most `limit_px`
+/// pixels of the nearest camera. [Sun07] Vertices in no image, at boundaries and at non-manifold
+/// edges do not move, nor do vertices whose faces would flip. Returns the number of moved vertices.
 std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& cameras, float limit_px);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// Fit of scale and shift of prior depth maps to points of known depth, and detection of the maps'
-// convention and of the frame of prior normals.
+// Fits scale and shift of prior depth maps to points of known depth; detects the convention of the
+// maps and the frame of prior normals.
 // [docs/guide/priors.md#how-scale-and-shift-are-found, docs/guide/priors.md#normals]
 #pragma once
 
@@ -33,14 +33,14 @@ struct PriorFit {
     double scale = 1, shift = 0;
     /// Median over the points of |found depth / true depth - 1|.
     double residual = std::numeric_limits<double>::infinity();
-    /// The same residual for the best constant depth, the median of the points: a map without
-    /// information reaches it.
+    /// Residual of the best constant depth, which is the points' median; a map without information
+    /// reaches this residual.
     double residual_of_constant = std::numeric_limits<double>::infinity();
 };
 
-/// True if the map explains too little: its residual is more than 0.65 of that of a constant depth.
-/// Maps of other photographs of the scene left 0.6 to 2.5 of it, the right maps at most 0.6 even
-/// with 5 % noise. Points cannot judge residuals below 0.01.
+/// True if the map explains too little: its residual is more than 0.65 of a constant depth's. Maps
+/// of other photographs of the scene had 0.6 to 2.5 of that residual, the right maps at most 0.6
+/// even with 5 % noise. Points cannot judge residuals below 0.01.
 inline bool is_uninformative(const PriorFit& fit) {
     return fit.found && fit.residual > 0.01 && fit.residual > 0.65 * fit.residual_of_constant;
 }
@@ -49,11 +49,11 @@ inline bool is_uninformative(const PriorFit& fit) {
 inline constexpr std::size_t kFewestForScale = 6, kFewestForShift = 12;
 
 /// Robust fit: up to nearly half of the points may be wrong, for example hidden by the surface. It
-/// starts from the best of one fit by medians and 100 through two points each, judged by the median
-/// error, then runs reweighted least squares (Huber) about the mean, all in double. If the values
-/// are almost equal (relative standard deviation of a thousandth), it cannot separate scale and
-/// shift and finds only the scale, or the shift for log depth. Not found: too few points, or a
-/// scale that is not positive.
+/// makes one fit by medians and 100 fits through two points each, starts from the one with the
+/// least median error, and runs reweighted least squares (Huber) about the mean, in double. If the
+/// values are almost equal (relative standard deviation of a thousandth), it cannot separate scale
+/// and shift and finds only the scale, or the shift for log depth. It finds no fit for too few
+/// points, or if the scale is not positive.
 PriorFit fit_prior(const PriorSamples& samples, const PriorReading& reading);
 
 /// z of a value; `cosine`: of the angle between ray and axis. 0 if there is no depth.
@@ -70,21 +70,21 @@ struct ReadingChoice {
     int tested_views = 0;
 };
 
-/// The reading of the files that fits the points. It tries every value that `convention` leaves
-/// open. An assumed value gives way to one that most views fit clearly better; depth also gives way
-/// to inverse depth if the numbers fall with depth. Without enough points in any view it returns
-/// the assumed reading untested. Throws Error(ExitCode::input), E_PRIORS, if another reading than
-/// the declared one fits clearly better, if no reading fits within `max_residual`, or if the
-/// numbers have the wrong order.
+/// Chooses the reading that fits the points. Tries all values that `convention` leaves open. An
+/// assumed value gives way to a value that fits most views clearly better. For alignment rank it
+/// tests only the order: assumed depth gives way to inverse depth if the numbers fall with depth.
+/// Without enough points in any view it returns the assumed reading untested. Throws
+/// Error(ExitCode::input), E_PRIORS, if a reading fits clearly better than the declared one, if no
+/// reading fits within `max_residual`, or if the numbers have the wrong order.
 ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
                              const DepthConvention& convention,
                              double max_residual);
 
-/// "inverse depth", "depth along the ray": for messages.
+/// Name for messages, such as "inverse depth" or "depth along the ray".
 std::string text_of(const PriorReading& reading);
 
-/// Unit normals of a cloud, each of the plane through the 12 nearest points, with either sign; 0 if
-/// these points do not lie in a plane.
+/// Unit normals of a cloud, of either sign: each is the normal of the plane through the 12 nearest
+/// points; 0 if these do not lie in a plane.
 std::vector<Vec3f> cloud_normals(const std::vector<Vec3f>& points);
 
 /// The map's normal at a point and the normal of the surrounding points: unit, in the camera's
@@ -116,19 +116,19 @@ struct NormalChoice {
 struct PriorAgreement {
     double cosine = 1, cosine_of_constant = 0;  // means over the samples
 };
-/// 1 and 0 for fewer than 50 samples, which cannot tell.
+/// Returns 1 and 0 for fewer than 50 samples, which are too few to judge.
 PriorAgreement agreement_of(const std::vector<NormalSample>& samples, const NormalReading& reading);
 
-/// True if the map's error (1 - cosine) is more than half of that of the best single normal. Up to
-/// 0.15 (32 degrees) the points may be wrong: the right maps had errors of up to 24 degrees.
+/// True if the map's error (1 - cosine) is more than half of the best single normal's. Errors up to
+/// 0.15 (32 degrees) may come from the points: right maps had up to 24 degrees.
 inline bool is_uninformative(const PriorAgreement& a) {
     return 1 - a.cosine > 0.15 && 1 - a.cosine > 0.5 * (1 - a.cosine_of_constant);
 }
 
-/// The convention that fits the points. It tries a sign for each axis of the camera's frame, and
-/// world normals with either sign. A reading other than `convention` must be better by 0.2 in mean
-/// cosine; if `convention` is declared, that is an error. Fewer than 50 samples test nothing.
-/// Throws Error(ExitCode::input), E_PRIORS, also if no reading exceeds 0.3.
+/// Chooses the reading that fits the points. It tries both signs of each axis of the camera's
+/// frame, and world normals of either sign. A reading replaces `convention` if its mean cosine is
+/// larger by 0.2. Below 50 samples nothing is tested. Throws Error(ExitCode::input), E_PRIORS, if
+/// `convention` is declared and would be replaced, or if no cosine exceeds 0.3.
 NormalChoice choose_normals(const std::vector<NormalSample>& samples,
                             const NormalConvention& convention);
 

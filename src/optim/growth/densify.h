@@ -143,7 +143,7 @@ private:
 
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
-    /// Adds to the sums since the last growth.
+    /// Adds the statistics of one render to the sums since the last growth.
     void count_view(const ScreenStatistics<Device>& screen, std::size_t splats) {
         if (statistics_.size() != splats) {
             statistics_.resize(splats);
@@ -178,8 +178,8 @@ private:
         statistics_.resize(0);
     }
 
-    /// Limits growth to the cap and the quota of abs_split: keeps the largest scores, ties by
-    /// index. Runs on the host, as it is rare.
+    /// Limits growth to the cap and the quota of abs_split: keeps the largest scores, of equal ones
+    /// the lowest index. Runs on the host, as it is rare.
     void apply_quotas(int n) {
         std::vector<Growth> growth = to_host(growth_);
         const std::vector<float> score = to_host(score_);
@@ -238,7 +238,7 @@ private:
             ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
                                 seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
-        // 2. Move all arrays to their new places, with all inherited values.
+        // 2. Move all arrays to their new places; copy inherited values from the parents.
         morton_order(g.means.span(), first_);
         gather_arrays(true, first_.span(), {}, g);
         gather(first_.span(), {}, parents_, counts_);
@@ -253,7 +253,7 @@ private:
         return true;
     }
 
-    /// Gathers the arrays of shapes, or all others; see gather().
+    /// Gathers the arrays that describe the splats' shapes, or all other arrays; see gather().
     void gather_arrays(bool shapes,
                        Span<const int> from,
                        Span<const std::uint8_t> cleared,
@@ -267,8 +267,8 @@ private:
             g);
     }
 
-    /// Scratch per type, as gather() swaps it with the array. SH coefficients have their own; else
-    /// small arrays would end up in buffers of their size.
+    /// Returns the scratch of a type, which gather() swaps with the array. SH coefficients have
+    /// their own scratch; else small arrays would get their large buffers.
     auto& scratch_of(const SplatArray& array, const Buffer<Vec3f, Device>&) {
         return array.planes > 1 ? scratch_sh_ : scratch3_;
     }

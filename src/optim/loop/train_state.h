@@ -45,7 +45,7 @@ private:
 
 template <class Device>
 auto make_terms(const Scene& scene, const TrainOptions& o) {
-    // Close to 1 on DTU as normalised by PGSR's authors, where the published weights come from.
+    // depth / 3 is near 1 on DTU as normalised by PGSR's authors, the source of published weights.
     const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
     return make_losses<Device>(o.loss, {depth > 0 ? depth / 3 : 1, int(scene.train.size()),
                                         std::uint64_t(o.seed), o.render.pixel_center});
@@ -126,7 +126,7 @@ private:
         visit(visitor);
     }
 
-    /// Throws when array sizes do not match, which would cause reads beyond their ends.
+    /// Throws if array sizes do not match; else reads would go beyond the arrays' ends.
     static void check_shapes(const State& from) {
         int degree = 0;
         StateVisitor<Cpu> visitor(from);
@@ -240,7 +240,7 @@ public:
         return !fault;
     }
 
-    /// Like check(), Adam's moments included; then passes the state to on_save.
+    /// Checks like check(), and also Adam's moments; then passes the state to on_save.
     bool save() {
         const int done = state_->done;
         if (!check(done)) return false;
@@ -256,7 +256,7 @@ public:
         return true;
     }
 
-    /// Called before an early end: leaves a finite state.
+    /// Call it before an early end; it leaves a finite state.
     void stop() {
         if (callbacks_.on_save ? !save() : !check(state_->done)) {
             good_ = capture();
@@ -286,7 +286,7 @@ private:
 
     bool injects_at(int step) { return step == injected_.step && injected_.times-- > 0; }
 
-    /// Restores the last good state and lowers the rates of the faulty groups, or of all; once.
+    /// Restores good_ and lowers the rates of fault.groups (empty: of all); throws the second time.
     void roll_back(const Fault& fault) {
         restart();
         const int back = state_->done;

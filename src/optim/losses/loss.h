@@ -26,7 +26,7 @@ struct ReadValue {
     TVSGS_HD float operator()(int i) const { return values[i]; }
 };
 
-/// 1 for a number above 0.
+/// Counts the numbers above 0: returns 1 for such a number, else 0.
 struct CountPositive {
     Span<const float> values;
     TVSGS_HD int operator()(int i) const { return values[i] > 0; }
@@ -38,13 +38,13 @@ struct Objective {
     ImageGradients<Device> dL_dimages;
     Gaussians<Device> dL_dgaussians;
     Buffer<double, Device> values;   // [terms] weighted
-    int term = 0;                    // the one that adds now
+    int term = 0;                    // index of the term that adds now
     Buffer<double, Device> partial;  // scratch of add_sum
     Buffer<double, Device> count;    // [1] scratch: divisor of a mean
 
-    /// Of the current term, in device memory.
+    /// The value of the current term, in device memory.
     double* value() { return values.data() + term; }
-    /// Adds the sum of the numbers to the value.
+    /// Adds the sum of the numbers to the value of the current term.
     void add(const Buffer<float, Device>& numbers) {
         add_sum(Device{}, int(numbers.size()), ReadValue{numbers.span()}, 1, partial.span(),
                 value());
@@ -70,16 +70,16 @@ struct LossInputs {
 
 /// Inputs that a term needs besides the rendered colours.
 struct LossNeeds {
-    Maps maps = Maps::none;  // of the view's render
-    /// The term gets at most `neighbour_views` neighbour views, and does not act for a view without
-    /// any. The first `rendered_views` of them are rendered and compared.
+    Maps maps = Maps::none;  // maps of the view's render
+    /// The term gets at most `neighbour_views` neighbour views, and does not act for a view that
+    /// has none. The first `rendered_views` of them are rendered and compared.
     int neighbour_views = 0, rendered_views = 0;
-    bool edges = false;            // of photographs: DeviceView::edge_min, edge_max
-    bool grey = false;             // of photographs: DeviceView::grey
+    bool edges = false;            // DeviceView::edge_min and edge_max of the photographs
+    bool grey = false;             // DeviceView::grey of the photographs
     MapNames view_maps{};          // DeviceView::map(); a view may lack them
     bool targets = false;          // TensorField::targets
     bool splat_gradients = false;  // writes to Objective::dL_dgaussians, which has geometry only
-    bool thickness = false;        // the splats must have one; see BackboneTraits::flat
+    bool thickness = false;        // splats must have a thickness; see BackboneTraits::flat
     int kept_per_pixel = 0;        // floats that the term stores per pixel of each view
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
@@ -104,18 +104,18 @@ public:
     virtual ~Loss() = default;
 
     // make_losses() sets these:
-    std::string key;  // in the list
+    std::string key;  // name of the term in the list
     int start = 1;    // first iteration
 
-    /// Whether the term acts at `step`; add_to() is only called then.
+    /// Whether the term acts at `step`; add_to() is called only if it does.
     virtual bool active(int step) const { return step >= start; }
 
     virtual LossNeeds needs() const = 0;
 
-    /// Whether the derivatives by its render refine cameras; only the first term may.
+    /// Whether the term's image gradients refine cameras; only the first term may return true.
     virtual bool has_camera_gradient() const { return false; }
 
-    /// The subset of needs() at one step with one view.
+    /// The inputs, a subset of needs(), that the term uses at one step with one view.
     virtual LossNeeds needs_at(int /*step*/, int /*view*/) const { return needs(); }
 
     /// Adds weight * L to the value and its derivatives to `objective`; never overwrites.
@@ -128,8 +128,8 @@ public:
     virtual HeldExposures exposures() const { return {}; }
 };
 
-/// Prior of a view. [height width channels]; empty where the view has no such map. Throws
-/// Error(ExitCode::input) where its size differs from the photograph's.
+/// Returns a prior map of a view, [height width channels]; empty if the view has no such map.
+/// Throws Error(ExitCode::input) if the map's size differs from the photograph's.
 template <class Device>
 Span<const float> prior_values(const DeviceView<Device>& view,
                                std::string_view name,
@@ -145,12 +145,12 @@ Span<const float> prior_values(const DeviceView<Device>& view,
     return map->values.span();
 }
 
-/// Neither NaN nor infinite.
+/// Whether the value is finite.
 TVSGS_HD inline bool is_number(float value) {
     return value * 0 == 0;
 }
 
-/// 1 for a view without a confidence map.
+/// Returns the confidence at a pixel; 1 if the view has no confidence map.
 TVSGS_HD inline float confidence_at(Span<const float> confidence, int at) {
     return confidence.empty() ? 1.0f : confidence[at];
 }
@@ -202,14 +202,14 @@ struct LossContext {
     SharedLossOptions shared{};
 };
 
-/// A term of the list, in use or not.
+/// A term of the list; a training uses it if its weight is above 0.
 struct TermOnList {
     std::string key;
     float weight;
     LossNeeds needs;
 };
 
-/// Adds a term of a program that links this library to every training that starts afterwards.
+/// Adds a program's own term to the list; every training that starts afterwards can use it.
 template <class Device>
 using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
 template <class Device>

@@ -1,6 +1,6 @@
 // Adam's step of one number, of the SH coefficients of one Gaussian, and of all its parameters.
-// [Kingma15] From the image gradients of a view's splats to the Gaussians' new parameters in one
-// pass: the gradients of parameters never go through memory.
+// [Kingma15] One pass computes the new parameters from the image gradients of a view's splats; it
+// never stores the gradients of parameters in memory.
 #pragma once
 
 #include "core/math/fast_math.h"
@@ -25,17 +25,17 @@ inline AdamScale adam_scale(float rate, int t) {
 }
 
 /// One Adam step of one number; updates the moments in place and returns the new value. All kernels
-/// produce the same bits: multiply_add() leaves the compiler no choice to fuse operations.
+/// produce the same bits, because multiply_add() decides which operations are fused.
 template <class Real>
 TVSGS_HD Real adam_update(Real value, Real gradient, Real& m, Real& v, Real step, Real root) {
-    // 1 - beta as a literal: in float, 1 - 0.999f is off by 1.3e-5 of itself.
+    // 1 - beta as a literal: in float, 1 - 0.999f has a relative error of 1.3e-5.
     constexpr Real kShare1 = Real(0.1), kShare2 = Real(0.001);
     m = multiply_add(Real(kAdamBeta1), m, kShare1 * gradient);
     v = multiply_add(kShare2, multiply_add(gradient, gradient, -v), v);
     return value - step * m / multiply_add(root, std::sqrt(v), Real(kAdamEps));
 }
 
-/// Rates of the SH coefficients with bias correction; the base colour has its own.
+/// Rates of the SH coefficients with bias correction; the base colour has its own rate.
 struct ShScale {
     float step_dc, step_rest, root;
 };
@@ -153,7 +153,7 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
         step(splat.mean[k], gradient.mean[k], m.mean[k], v.mean[k], scale.mean);
         float& log_scale = splat.log_scale[k];
         step(log_scale, gradient.log_scale[k], m.log_scale[k], v.log_scale[k], scale.log_scale);
-        // Written so that NaN is kept.
+        // This comparison keeps NaN.
         log_scale = log_scale < kLeastLogScale ? kLeastLogScale : log_scale;
     }
     step(splat.quat.w, gradient.quat.w, m.quat.w, v.quat.w, scale.quat);
@@ -167,7 +167,7 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
 
 /// Rate of one parameter for splats that stereo supports.
 struct SupportedRate {
-    Span<const float> uncertainty{};  // [N]; empty: all splats have the others' rate
+    Span<const float> uncertainty{};  // [N]; empty: stereo supports no splat
     float rate = 0;
     bool in_uncertainties = false;  // the rate is per unit of the splat's uncertainty
 
@@ -177,7 +177,7 @@ struct SupportedRate {
     }
 };
 
-/// The same of all parameters that have one.
+/// The SupportedRate of each parameter that has one.
 struct SupportedScale {
     SupportedRate mean{}, log_scale{}, quat{};
 
@@ -197,11 +197,11 @@ struct AdamStep {
     ShScale sh_scale;
     SupportedScale supported;
     bool with_opacity;
-    const int* halted;  // device memory; where *halted (may be null) is not 0, nothing changes
+    const int* halted;  // device memory, may be null; if *halted is not 0, nothing changes
 };
 
 /// Steps the geometry of Gaussian i and passes its SH gradients to `visit`, see sh_color_vjp.
-/// Returns true where it has none; the caller then takes the SH step with gradients of zero.
+/// Returns true if it has none; the caller then takes the SH step with gradients of zero.
 template <SplatVjp Vjp, class Visit>
 TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit) {
     SplatGeometry splat = in.values.load(i), gradient = no_gradient();

@@ -1,4 +1,4 @@
-// Finds pixels that stereo could match, and the areas among them that points leave open.
+// Finds the pixels that stereo could match, and the areas of such pixels without start points.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// Start points per matchable pixel between which decisions change in proportion.
+/// Limits of start points per matchable pixel; between them decisions change in proportion.
 inline constexpr double kSparseCloud = 0.02, kCoveringCloud = 0.1;
 inline double covered_share(double points_per_pixel) {
     const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
@@ -32,17 +32,17 @@ std::vector<Sighting> sightings(const Camera& camera,
 /// Median depth; NaN if empty.
 double median_depth(const std::vector<Sighting>& seen);
 
-/// Median depth of every `stride`-th point, of those that the camera sees; if it sees none, of
-/// those in front of it; 0 without any.
+/// Takes every `stride`-th point. Returns the median depth of the points that the camera sees; if
+/// it sees none, of the points in front of it; if there are none, 0.
 double depth_of_view(const Camera& camera, const std::vector<Vec3f>& points, std::size_t stride);
 
 /// Tells which pixels of a view stereo could match: inside the mask, textured, and inside another
-/// view's image. Textured: the means of 2 x 2 pixels vary by more than noise within ten pixels.
-/// [docs/method/masks.md#pixels-that-could-be-matched]
+/// view's image. A pixel is textured if the means of 2 x 2 pixels vary by more than noise in 10 x
+/// 10 pixels. [docs/method/masks.md#pixels-that-could-be-matched]
 class Matchable {
 public:
-    /// `depth`: rough depth of the view's surface; NaN: not known, then other views are not
-    /// considered. `sky`: of this view; its far pixels have no surface; may be null.
+    /// `depth`: rough depth of the view's surface; if it is NaN (not known), other views are not
+    /// considered. `sky`: of this view, or null; its far pixels have no surface.
     Matchable(const View& view,
               const std::vector<View>& views,
               bool masks,
@@ -67,15 +67,15 @@ private:
     static constexpr double kFlat = 2;  // grey levels in full light
 
     const View& view_;
-    double flat_;  // deviation of an area without texture, grey levels
+    double flat_;  // largest deviation of an area without texture, grey levels
     bool masks_;
     double depth_;
     const FarPixels* sky_;
-    std::vector<const Camera*> others_;  // cameras whose image may contain surface of that depth
+    std::vector<const Camera*> others_;  // cameras that may see this view's surface at depth_
 };
 
-/// Open share around each point, 0 to 1: of pixels in a near block that stereo could match and that
-/// no neighbouring block covers; the maximum over all views.  [docs/guide/plan.md#growth-in-gaps]
+/// Open share around each point, 0 to 1: largest share of a near block, in any view, that stereo
+/// could match and no point covers in it or beside it. [docs/guide/plan.md#growth-in-gaps]
 std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks);

@@ -1,5 +1,5 @@
 // Extracts a mesh from splats: renders depth maps, runs a mesher, cleans, repairs and simplifies
-// the mesh. Used by tvsgs-extract-mesh and --eval-mesh.
+// the mesh. tvsgs-extract-mesh and --eval-mesh use it.
 #pragma once
 
 #include <optional>
@@ -16,8 +16,8 @@
 
 namespace tvsgs {
 
-/// Part of the configuration, so that files can store the settings of published codes per
-/// benchmark.
+/// Options of the extraction. They are part of the configuration, so that its files can store the
+/// settings of published codes for each benchmark.
 struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
@@ -28,7 +28,7 @@ struct MeshOptions {
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
 
-    /// A watertight mesh ignores `unbounded`.
+    /// Returns `unbounded`, but false for a watertight mesher, which ignores it.
     bool meshes_background() const;
 
     template <class Visitor>
@@ -76,8 +76,8 @@ struct MeshOptions {
     }
 };
 
-/// The depth rules of the options; depth_max may be 0. `origin`: of the splats' frame in the box's.
-/// Throws Error(ExitCode::usage).
+/// The depth rules of the options; depth_max may be 0. `origin`: origin of the splats' frame in the
+/// box's frame. Throws Error(ExitCode::usage).
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin = {});
 
 /// Throws Error(ExitCode::usage) for options that are wrong for any scene, before hours of
@@ -114,7 +114,7 @@ std::string clean_mesh(TriangleMesh& mesh,
                        MeshSummary& summary);
 
 /// Removes surface that the photographs do not confirm, and fills `summary`. Returns why nothing is
-/// left, as clean_mesh().
+/// left; empty in the same cases as clean_mesh().
 std::string keep_measured(TriangleMesh& mesh,
                           const std::vector<View>& views,
                           const MeshOptions& options,

@@ -12,18 +12,18 @@
 
 namespace tvsgs {
 
-// Measured pixels have higher confidences; planes between them have more than filled pixels.
+// Confidences of pixels on planes between measured ones, and of filled ones; measured have more.
 inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
 
-/// Of completed_maps().
+/// Whether a pixel of completed_maps() was measured.
 inline bool is_measured(float confidence) {
     return confidence > kPlanarConfidence;
 }
 std::size_t measured_pixels(const StereoMaps& completed);
 
 /// Fills the pixels of the views' stereo maps that have no depth, and raises the confidences of
-/// measured pixels above kPlanarConfidence. Filled pixels lie on planes between measured ones
-/// (kPlanarConfidence), or continue their depth without a normal (kFillConfidence).
+/// measured pixels above kPlanarConfidence. A filled pixel lies on a plane between measured pixels
+/// (kPlanarConfidence), or continues their depth without a normal (kFillConfidence).
 std::vector<StereoMaps> completed_maps(const std::vector<StereoMaps>& maps,
                                        const std::vector<View>& views);
 
@@ -34,7 +34,7 @@ void add_stereo_priors(const std::vector<StereoMaps>& completed,
                        const MapNames& wanted,
                        std::vector<View>& views);
 
-/// Points that stereo started from, and its maps; without maps it has not run yet.
+/// Points that stereo started from, and the maps of stereo; no maps: stereo has not run yet.
 struct StereoStart {
     std::vector<Vec3f> points;
     std::vector<StereoMaps> maps{};  // per training view
@@ -57,10 +57,10 @@ void make_stereo_priors(const DeviceChoice& device,
 /// Fills the gaps of a stereo cloud, so that pictures have no holes. Adds points of confidence 0:
 /// one per `spacing_px` x `spacing_px` pixels of the views' completed_maps() that no point covers.
 /// A point covers a pixel if it projects to at most one pixel away, and the completed surface lies
-/// at most 5 % behind it. The points lie at the completed depth, with its normal and the
-/// photograph's colour; depth edges get none, nor do pixels that measured ones do not enclose: less
-/// than 60 % of those up to 6 pixels away. A view without a measured pixel adds nothing. `sky`:
-/// pixels labelled far get no point; without views: unknown. Returns the number of added points.
+/// at most 5 % behind it. A new point has the completed depth and normal and the photograph's
+/// colour. A pixel gets no point at a depth edge, or if less than 60 % of the pixels up to 6
+/// pixels away are measured. A view without a measured pixel adds nothing. `sky`: its far pixels
+/// get no point; no views: unknown. Returns the number of added points.
 /// [docs/method/support.md#gaps]
 std::size_t add_gap_points(const std::vector<StereoMaps>& completed,
                            const std::vector<View>& views,

@@ -10,8 +10,8 @@
 namespace tvsgs {
 
 /// Matrix that maps points of a surfel's plane, (u, v, 1) in standard deviations, to homogeneous
-/// pixels relative to the projected centre. So the third entries of `row_x` and `row_y` are 0.
-/// Relative to the image's corner, a small splat far from it would lose all digits.
+/// pixels relative to the projected centre. So the third entries of `row_x` and `row_y` are 0. With
+/// pixels relative to the image's corner, a small splat far from it would lose all digits.
 template <class Real>
 struct SurfelRows {
     Vec2<Real> row_x, row_y;  // px x world units
@@ -29,15 +29,15 @@ struct alignas(16) SurfelShape {
     Real inverse_depth;       // of the centre
     Real opacity;
     Vec2<Real> low_pass;   // px from `mean`: centre of the low-pass dot
-    Vec2<Real> low, high;  // px from `mean`: it draws nothing outside
+    Vec2<Real> low, high;  // px from `mean`: box outside which the surfel draws nothing
 };
 
 /// Range of alpha.
 inline constexpr float kLeastSurfelAlpha = 1.0f / 255, kMostSurfelAlpha = 0.99f;
 
 /// Largest ratio of depths between the hit of a ray and the centre. Beyond it the disc is seen edge
-/// on, and only the dot is drawn. (The official code accepts depths from 0.2 world units on, in
-/// scenes a few units deep.)
+/// on, and the surfel draws nothing at the pixel. (The official code accepts depths from 0.2 world
+/// units on, in scenes a few units deep.)
 inline constexpr double kSurfelDepthRatio = 20;
 
 /// Axes of a surfel in the camera's frame, in standard deviations, and its centre.
@@ -125,7 +125,7 @@ TVSGS_HD bool may_draw(const SurfelShape<Real>& s, Vec2<Real> low, Vec2<Real> hi
 
 template <class Real>
 struct SurfelHit {
-    Real alpha = 0;  // 0: it does not draw there and adds zeros
+    Real alpha = 0;  // 0: the surfel draws nothing at the pixel and adds zeros
     Real gauss = 0;
     Real inverse = 1, z = 1;  // depth of the intersection with the plane, world units
     Vec2<Real> uv{};          // the intersection on the plane, standard deviations
@@ -156,7 +156,7 @@ TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d) {
     const Real gauss = FastMath::decay(Real(0.5) * (hit.low_pass ? by_dot : by_plane)),
                alpha = s.opacity * gauss;
     const bool draws = meets && alpha >= Real(kLeastSurfelAlpha);
-    if (draws) hit.uv = uv;  // otherwise it may be infinite and not add zeros
+    if (draws) hit.uv = uv;  // else uv may be infinite, and uv times 0 is NaN
     hit.gauss = draws ? gauss : 0;
     hit.alpha = !draws ? 0 : alpha < Real(kMostSurfelAlpha) ? alpha : Real(kMostSurfelAlpha);
     return hit;
@@ -170,8 +170,8 @@ struct SurfelInverseGradient {
 };
 
 /// Adds the derivatives of a hit. `dL_ddepth`: by the depth of the centre. The depth of a dot
-/// depends only on the centre's depth: edge on, where the dot wins, the derivative by the tilt
-/// would grow without bound. (The official code treats uv as a constant there.)
+/// counts as a function of the centre's depth alone: for discs seen edge on, drawn as dots, the
+/// derivative by tilt would be unbounded. (The official code treats uv as a constant there.)
 template <class Real>
 TVSGS_HD void surfel_hit_vjp(const SurfelShape<Real>& s,
                              const SurfelHit<Real>& hit,
@@ -231,7 +231,7 @@ TVSGS_HD void low_pass_vjp(const SurfelRows<Real>& s,
     }
 }
 
-/// Gradients of the axes from those of the matrix. `centre`: of SurfelAxes.
+/// Gradients of the axes from the gradient of the matrix. `centre`: SurfelAxes::centre.
 template <class Real>
 TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
                                           Vec3<Real> centre,
@@ -244,9 +244,9 @@ TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
     return {column(0), column(1), column(2)};
 }
 
-/// Depth measure of the distortion, from the inverse depth: equal steps are equal steps in
-/// disparity. It equals the official far / (far - near) (1 - near / z) up to a constant, which
-/// differences do not need and which would cost all digits near 1.
+/// Depth measure of the distortion, proportional to the inverse depth. It equals the official far /
+/// (far - near) (1 - near / z) less its constant, which differences do not need: with it, values
+/// would be near 1 and lose all digits.
 inline constexpr double kDistortionScale = -100 * 0.2 / (100 - 0.2);  // near 0.2, far 100
 template <class Real>
 TVSGS_HD Real distortion_depth(Real inverse) {
@@ -297,7 +297,7 @@ TVSGS_HD bool blend(SurfelPixel<Real>& pixel,
     return fits;
 }
 
-/// dL/d of a finished pixel, and values of it that the backward pass needs.
+/// dL/d of a finished pixel, and values of this pixel that the backward pass needs.
 template <class Real>
 struct SurfelPixelGradient {
     Vec3<Real> color{}, normal{};
@@ -312,10 +312,10 @@ struct SurfelPixelBackward {
     SurfelPixelGradient<Real> by;
     Real behind = 0;  // as in blend_math.h
     bool had_median = false;
-    Real maps_behind = 0;  // where colours are parted: `behind` is of colours, this of the maps
+    Real maps_behind = 0;  // with kParted `behind` of the maps; `behind` is of the colours
 };
 
-/// Sums of one surfel over pixels.
+/// Gradients of one surfel, summed over pixels.
 template <class Real>
 struct alignas(16) SurfelColorGradients {
     SurfelInverseGradient<Real> inverse;
@@ -328,7 +328,7 @@ struct alignas(16) SurfelColorGradients {
 template <class Real>
 struct alignas(16) SurfelMapGradients : SurfelColorGradients<Real> {
     Vec3<Real> normal;
-    Real depth;  // of the centre, from dots
+    Real depth;  // by the depth of the centre, from pixels that drew the dot
 
     static constexpr int kCount = 20;
 };
@@ -338,7 +338,7 @@ using SurfelGradients =
 
 /// Adds one surfel at one pixel, back to front. A hit with alpha 0 adds nothing. With `kParted`
 /// only `color_share` of the derivatives by colour and by the transmittance behind all splats
-/// reaches the shape; opacity and colour get all of them.
+/// reaches the shape; opacity and colour get them in full.
 template <bool kMaps, bool kParted = false, class Real>
 TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         const SurfelShape<Real>& s,
@@ -375,7 +375,7 @@ TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
     pixel.T = T;
 
     // The gradient passes the upper clamp of alpha unchanged, as in the official code.
-    g.opacity += hit.gauss * (T * step);  // gauss is 0 if it does not draw
+    g.opacity += hit.gauss * (T * step);  // gauss is 0 if the surfel draws nothing
     g.color += w * by.color;
     g.front_pixels += in_front ? Real(1) : Real(0);
     Real by_depth = 0;

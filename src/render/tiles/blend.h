@@ -7,8 +7,8 @@
 
 namespace tvsgs {
 
-/// The y of pixels that take no part, or of their offsets. It is so large that alpha is 0 there,
-/// which replaces a flag, and so small that products with it stay finite.
+/// Value of y, of a pixel centre or offset, that marks a pixel as not blended. It is so large that
+/// alpha is 0 there, so no flag is needed, and so small that products with it stay finite.
 inline constexpr float kOutOfReach = 1e25f;
 
 /// A blending model: types and static functions of a rasteriser's splats, which blending inlines.
@@ -63,8 +63,8 @@ concept BlendModel = requires(const typename Model::Shape& shape,
         sizeof(typename Model::Gradients) == Model::Gradients::kCount * sizeof(float);
 };
 
-/// State of a pixel at the start of the backward pass. The transmittance behind all splats weights
-/// whatever lies there, so the derivative by it is the feature behind the last splat.
+/// State of a pixel at the start of the backward pass. The transmittance behind all splats is the
+/// weight of the background, so the derivative by it is the first value of `behind`.
 template <class Model>
 TVSGS_HD typename Model::PixelBackward pixel_backward(const typename Model::Reader& read,
                                                       int at,
@@ -77,19 +77,19 @@ TVSGS_HD typename Model::PixelBackward pixel_backward(const typename Model::Read
 template <class Model, class Device>
 using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;
 
-/// Gradients of the view's splats, each stored at the splat's first fragment. The other fragments
-/// are scratch for the contribution of each fragment. Only members that the model fills are
+/// Gradients of the view's splats, each stored at the splat's first fragment. The elements of its
+/// other fragments are scratch for their contributions. Only members that the model fills are
 /// defined.
 template <class Device, class Gradients>
 struct FragmentGradients {
     Buffer<Gradients, Device> gradients;
-    Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
+    Buffer<std::uint8_t, Device> drawn;  // 0: the splat drew nothing; no gradient is written
 
     void resize(std::size_t fragments) { gradients.resize(fragments), drawn.resize(fragments); }
 };
 
-/// Number of pixels that the CPU version computes at a time, for models with packs. The bits do not
-/// depend on it.
+/// Number of pixels that the CPU version computes at a time, for models with packs. All widths give
+/// the same bits.
 enum class PackWidth { narrow, widest };
 
 /// Writes all pixels. `stops` [H, W] gets the position after the last blended splat in the tile's

@@ -128,7 +128,7 @@ void TensorVoter<Device>::measure_noise(const SplatSpans& splats) {
 template <class Device>
 void TensorVoter<Device>::search(int step, const SplatSpans& splats) {
     auto& s = *state_;
-    // Compact lists serve large scenes, so the search reuses the memory of the event's records.
+    // Compact lists serve large scenes; free the event's records to make room for the search.
     if (options_.lists == ListStorage::compact) detail::free_memory(s.records, s.double_records);
     find_neighbours(
         {splats, s.fixed(), options_.k, detail::whiten_rule(options_, options_.flatness_limit),
@@ -247,7 +247,7 @@ VotingDetails TensorVoter<Device>::details() const {
     const auto points = to_host(s.neighbours.points);
     const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
         out.assign(std::max(s.listed, 0), T{});
-        // Without neighbours or an event nothing fits the splats.
+        // Without neighbours, or before the first event, `values` has no entries for the splats.
         if (s.neighbours.k == 0 || values.size() < points.size()) return;
         const std::vector<T> host = to_host(values);
         for (std::size_t rank = 0; rank < points.size(); ++rank)
