@@ -152,19 +152,20 @@ Decision decide_background(double share_beyond, bool masked) {
 }
 
 std::vector<Decision> decide_object(const CommonBall& ball) {
-    // Interpolated: the inverse of the ball's radius.
-    constexpr double kAllSides = 0.3, kOneSide = 0.5;
+    // Interpolates 1 / radius. A room has cameras on all sides, too, but points on its walls.
+    constexpr double kAllSides = 0.3, kOneSide = 0.5, kFewPoints = 0.25, kManyPoints = 0.5;
     const double share =
-        std::clamp((kOneSide - ball.one_sidedness) / (kOneSide - kAllSides), 0.0, 1.0);
-    if (!(share > 0) || !(ball.radius > 0)) return {};
-    return {{"object",
-             str("meshed alone, ", short_figure(ball.radius / share), " units around the focus"),
-             str("the cameras stand on all sides: their mean direction has length ",
-                 short_figure(ball.one_sidedness), "; only the object up to ", kAllSides,
-                 ", everything from ", kOneSide, " on"),
-             ball.one_sidedness,
-             kOneSide,
-             {{"mesh.object", rounded(1 / share)}, {"mesh.unbounded", "false"}}}};
+        std::clamp((kOneSide - ball.one_sidedness) / (kOneSide - kAllSides), 0.0, 1.0) *
+        std::clamp((ball.points - kFewPoints) / (kManyPoints - kFewPoints), 0.0, 1.0);
+    if (!(share > 0)) return {};
+    return {
+        {"object",
+         str("meshed alone, ", short_figure(ball.radius / share), " units around the focus"),
+         str("cameras on all sides (mean direction ", short_figure(ball.one_sidedness), ", below ",
+             kOneSide, "); ", percent(ball.points), " of the points near the focus"),
+         ball.one_sidedness,
+         kOneSide,
+         {{"mesh.object", rounded(1 / share)}, {"mesh.unbounded", "false"}}}};
 }
 
 Decision decide_coverage(double measured, double given) {

@@ -40,7 +40,7 @@ Decision decide_sky(double share);
 /// Whether surfaces far behind the scene's centre are meshed. `masked`: only points in masks.
 Decision decide_background(double share_beyond, bool masked = false);
 
-/// Meshes only the object. Empty: the cameras stand on one side of it, or see no common ball.
+/// Meshes only the object. Empty: the cameras or the points are not around one place.
 std::vector<Decision> decide_object(const CommonBall& ball);
 
 /// States that the training is planned for `given` points per pixel instead of the measured ones.

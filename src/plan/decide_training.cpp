@@ -313,7 +313,6 @@ private:
     }
 
     void multi_view() {
-        // Splats that stereo supports can be compared at wide angles, with less weight.
         const bool widest =
             in_.supported && look_.views_in_widest_pairs > look_.views_in_wide_pairs;
         const double angle{widest ? kWidestAngleDeg : kWideAngleDeg};

@@ -296,10 +296,14 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
     return seen > 0 ? double(beyond) / seen : NAN;
 }
 
-CommonBall look_at_common_ball(const std::vector<Camera>& cameras) {
+CommonBall common_ball(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points) {
     const std::optional<Focus> focus = find_focus(cameras);
     if (!focus) return {};
-    return {common_radius(cameras, *focus), one_sidedness(cameras, *focus)};
+    CommonBall ball{common_radius(cameras, *focus), one_sidedness(cameras, *focus)};
+    const auto inside = std::ranges::count_if(
+        points, [&](Vec3f p) { return norm(vec_cast<double>(p) - focus->point) < ball.radius; });
+    if (inside > 0) ball.points = double(inside) / double(points.size());
+    return ball;
 }
 
 std::string coverage_text(double points_per_pixel) {

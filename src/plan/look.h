@@ -70,8 +70,9 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
 /// The ball that the cameras see, and how far they stand on one side of it; see mesh/fuse/focus.h.
 struct CommonBall {
     double radius = 0, one_sidedness = 1;  // radius 0: the cameras look at no common point
+    double points = 0;                     // share of the initial points in the ball
 };
-CommonBall look_at_common_ball(const std::vector<Camera>& cameras);
+CommonBall common_ball(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points);
 
 /// "0.67 start points per textured pixel: enough", against kSparseCloud and kCoveringCloud.
 std::string coverage_text(double points_per_pixel);

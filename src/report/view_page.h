@@ -64,7 +64,7 @@ struct ViewInput {
     const char* whole = "page";  // word for the page in warnings about missing parts
 };
 
-/// What a page shows. The frame is the frame of the first run's cameras, moved close to zero.
+/// The content of a page, in the frame of the first run's cameras, moved close to zero.
 struct ViewSubject {
     std::vector<ViewRun> runs;
     std::vector<ViewCamera> cameras;     // at least one

@@ -27,31 +27,48 @@ std::vector<Camera> cameras_around(int count, double arc) {
 }
 
 TEST(CommonBall, IsTheBallThatCamerasSeeWhole) {
-    const CommonBall ring = look_at_common_ball(cameras_around(12, 360));
+    const CommonBall ring = common_ball(cameras_around(12, 360), {});
     EXPECT_NEAR(ring.radius, 4 / std::sqrt(2.0), 1e-5);  // distance to a plane at 45 degrees
     EXPECT_NEAR(ring.one_sidedness, 0, 1e-6);
     // Half a circle: the mean of 0 to 180 degrees is 2 / pi.
-    EXPECT_NEAR(look_at_common_ball(cameras_around(1800, 180)).one_sidedness, 2 / M_PI, 1e-3);
+    EXPECT_NEAR(common_ball(cameras_around(1800, 180), {}).one_sidedness, 2 / M_PI, 1e-3);
     // An image that is cut off on the right shows less; the median camera decides.
     std::vector<Camera> cut = cameras_around(12, 360);
     for (Camera& camera : cut) camera.width_px = 60;
-    EXPECT_NEAR(look_at_common_ball(cut).radius, 4 * 10 / std::hypot(50.0, 10.0), 1e-5);
+    EXPECT_NEAR(common_ball(cut, {}).radius, 4 * 10 / std::hypot(50.0, 10.0), 1e-5);
     // The focus is at the image's edge or outside.
     for (Camera& camera : cut) camera.width_px = 50;
-    EXPECT_EQ(look_at_common_ball(cut).radius, 0);
+    EXPECT_EQ(common_ball(cut, {}).radius, 0);
     // One camera has no focus.
-    EXPECT_EQ(look_at_common_ball(cameras_around(1, 360)).radius, 0);
+    EXPECT_EQ(common_ball(cameras_around(1, 360), {}).radius, 0);
 }
 
 TEST(CommonBall, IsEmptyForCamerasThatLookAway) {
     std::vector<Camera> outwards = cameras_around(12, 360);
     for (Camera& camera : outwards) camera.camera_from_world.t = {0, 0, -4};
-    EXPECT_EQ(look_at_common_ball(outwards).radius, 0);
+    EXPECT_EQ(common_ball(outwards, {}).radius, 0);
+}
+
+TEST(CommonBall, CountsThePointsInside) {
+    const std::vector<Vec3f> points{{0, 0, 0}, {2.8f, 0, 0}, {2.9f, 0, 0}, {0, 9, 0}};
+    EXPECT_EQ(common_ball(cameras_around(12, 360), points).points, 0.5);
+}
+
+TEST(PlanObject, KeepsARoomThatCamerasLookAcross) {
+    const auto radii = [](double points) {
+        const std::vector<Decision> decided = decide_object({2, 0, points});
+        return decided.empty() ? 0 : std::stod(decided.at(0).settings.at(0).second);
+    };
+    EXPECT_EQ(radii(0.1), 0);
+    EXPECT_EQ(radii(0.25), 0);
+    EXPECT_NEAR(radii(0.375), 2, 1e-6);
+    EXPECT_EQ(radii(0.5), 1);
+    EXPECT_EQ(radii(0.8), 1);
 }
 
 TEST(PlanObject, FadesBetweenAllSidesAndOneSide) {
     const auto radii = [](double one_sidedness) {
-        const std::vector<Decision> decided = decide_object({2, one_sidedness});
+        const std::vector<Decision> decided = decide_object({2, one_sidedness, 1});
         return decided.empty() ? 0 : std::stod(decided.at(0).settings.at(0).second);
     };
     EXPECT_EQ(radii(0), 1);
@@ -60,8 +77,7 @@ TEST(PlanObject, FadesBetweenAllSidesAndOneSide) {
     EXPECT_NEAR(radii(0.49), 20, 1e-3);  // beyond what cameras at twice the distance see
     EXPECT_EQ(radii(0.5), 0);
     EXPECT_EQ(radii(1), 0);
-    EXPECT_TRUE(decide_object({0, 0}).empty());
-    const Decision decision = decide_object({2, 0}).at(0);
+    const Decision decision = decide_object({2, 0, 1}).at(0);
     EXPECT_EQ(decision.settings.at(0).first, "mesh.object");
     EXPECT_EQ(decision.settings.at(1),
               (std::pair<std::string, std::string>("mesh.unbounded", "false")));

@@ -55,13 +55,12 @@ double common_radius(const std::vector<Camera>& cameras, const Focus& focus) {
     std::vector<double> radii;
     for (const Camera& camera : cameras) {
         const Vec3f p = camera.camera_from_world * vec_cast<float>(focus.point);
-        const auto width = static_cast<float>(camera.width_px),
-                   height = static_cast<float>(camera.height_px);
         double radius = std::numeric_limits<double>::infinity();
         // Inner normals of the planes through the camera and the image's edges.
-        for (const Vec3f& n :
-             {Vec3f{camera.fx_px, 0, camera.cx_px}, Vec3f{-camera.fx_px, 0, width - camera.cx_px},
-              Vec3f{0, camera.fy_px, camera.cy_px}, Vec3f{0, -camera.fy_px, height - camera.cy_px}})
+        for (const Vec3f& n : {Vec3f{camera.fx_px, 0, camera.cx_px},
+                               Vec3f{-camera.fx_px, 0, float(camera.width_px) - camera.cx_px},
+                               Vec3f{0, camera.fy_px, camera.cy_px},
+                               Vec3f{0, -camera.fy_px, float(camera.height_px) - camera.cy_px}})
             radius = std::min(radius, static_cast<double>(dot(n, p) / norm(n)));
         if (!(radius > 0)) return 0;
         radii.push_back(radius);

@@ -61,8 +61,7 @@ MeshRegion mesh_region(const MeshOptions& options,
         rules.reach = options.object * float(common_radius(cameras, focus));
         if (!(rules.reach > 0))
             throw Error(ExitCode::usage,
-                        "mesh.object is above 0, but the cameras do not look at one point; set it "
-                        "to 0, or pass --everything");
+                        "mesh.object: the cameras look at no common point; pass --everything");
     }
     const float radius = unbounded && options.radius > 0 ? options.radius : float(focus.radius);
     if ((unbounded || rules.depth_max == 0) && !(radius > 0))

@@ -193,7 +193,7 @@ void Preparation::decide_training() {
         if (masked) drop_background_points(scene_.train, meshed);
         const std::vector<Camera> cameras = detail::cameras_of(scene_.train);
         apply(decide_background(share_beyond(cameras, meshed.positions), masked));
-        apply(decide_object(look_at_common_ball(cameras)));
+        apply(decide_object(common_ball(cameras, meshed.positions)));
     }
     apply(drop_thickness_losses(options_.train));
     check_consistency(options_.train);
