@@ -356,7 +356,17 @@ private:
         const MaskUse use = in_.options.loss.photometric.masks;
         const bool masked = use == MaskUse::object || (uses_masks(use) && look_.outside);
         const bool sky = in_.options.loss.photometric.background == "sky";
-        if (masked || sky || !(look_.background_border > 0)) return;
+        if (masked || sky) return;
+        if (in_.supported && !in_.dense) {
+            plan_.push_back({"background",
+                             "the photographs, blurred",
+                             "stereo made the start points; nothing measures the depth elsewhere",
+                             kNone,
+                             kNone,
+                             {{"loss.photometric.background", kSoftBackground}}});
+            return;
+        }
+        if (!(look_.background_border > 0)) return;
         const bool one = look_.background_border >= kBackgroundBorder &&
                          look_.background_points < kBackgroundPoints;
         const std::string color =

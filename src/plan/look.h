@@ -14,7 +14,7 @@ namespace tvsgs {
 
 /// Angles between the optical axes of two views. Up to kWideAngleDeg, comparison is known to help
 /// as much as at small angles. Up to kWidestAngleDeg, views without a nearer view are compared.
-inline constexpr float kWideAngleDeg = 37, kWidestAngleDeg = 75;
+inline constexpr float kWideAngleDeg = 37, kWidestAngleDeg = 60;
 
 struct SceneLook {
     int train_views = 0, test_views = 0;

@@ -9,7 +9,7 @@ namespace tvsgs::test {
 struct MaskCase {
     int width = 12, height = 10, step = 3;
     std::vector<Vec3f> color;
-    std::vector<float> transmittance, mask;  // mask empty: the view has none
+    std::vector<float> transmittance, mask, confidence;  // mask empty: the view has none
     std::vector<std::uint8_t> photo;
     Camera camera{12, 10, 9, 9, 6, 5, {}};
     PhotometricOptions options;
@@ -32,6 +32,8 @@ MaskResult evaluate_masks(const MaskCase& c) {
     copy(c.photo, view.photo);
     view.camera = c.camera;
     view.maps.push_back({"mask", c.width, c.height, 1, to_device<Device>(c.mask)});
+    view.maps.push_back(
+        {prior_map::kConfidence, c.width, c.height, 1, to_device<Device>(c.confidence)});
     const TensorField<Device> field;
     Objective<Device> objective;
     auto& dL = objective.dL_dimages;

@@ -29,11 +29,12 @@ MaskCase mask_case(MaskUse use, const std::string& background) {
         for (int k = 0; k < 3; ++k)
             c.photo.push_back(static_cast<std::uint8_t>(random.uniform(0, 256)));
         c.mask.push_back(i % 3 == 0 ? kNoObject : i % 7 == 0 ? kNoPixel : kObject);
+        c.confidence.push_back(i % 5 == 0 ? kPlanarConfidence : i % 2 == 0 ? 0.4f : 0);
     }
     c.options.masks = use, c.options.background = background;
     c.options.coverage = 0.6f, c.options.weight = 0.8f;
     c.camera.camera_from_world.R = rotation(quat_cast<float>(random.quat()));
-    if (background == "sky") {
+    if (background == "sky" || background == kSoftBackground) {
         ImageU8 sky(16, 16, 3);
         for (std::uint8_t& value : sky.pixels)
             value = static_cast<std::uint8_t>(random.uniform(0, 256));
@@ -74,13 +75,15 @@ double definition(const MaskCase& c, std::size_t i, int k, double by) {
         }
         if (object && mask == kNoObject)
             loss += static_cast<double>(o.weight * o.coverage) * (1 - T) / n;
+        if (o.background == kSoftBackground && c.confidence[p] > kPlanarConfidence)
+            loss += static_cast<double>(o.weight * o.coverage) * T / n;
     }
     return loss;
 }
 
 TEST(Masks, ValueAndDerivativesByColourAndTransmittance) {
     for (const MaskUse use : {MaskUse::object, MaskUse::ignore, MaskUse::none})
-        for (const char* const background : {"none", "white", "20,200,90", "sky"}) {
+        for (const char* const background : {"none", "white", "20,200,90", "sky", "soft"}) {
             MaskCase c = mask_case(use, background);
             c.options.ssim = 0;
             const MaskResult r = test::evaluate_masks<Cpu>(c);

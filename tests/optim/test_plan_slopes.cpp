@@ -156,17 +156,35 @@ TEST(Plan, WidePairsCountLess) {
         return value_of(by_cloud(0.2, 6, by_stereo, 0, angle_deg), key, -1);
     };
     for (const auto& [angle_deg, weight] :
-         {std::pair(40.0, 0.15), {45.0, 0.15}, {60.0, 0.075}, {69.0, 0.03}, {76.0, 0.0}}) {
+         {std::pair(40.0, 0.15), {45.0, 0.15}, {52.5, 0.075}, {57.0, 0.03}, {60.0, 0.0}}) {
         SCOPED_TRACE(angle_deg);
         EXPECT_NEAR(at(angle_deg, "loss.multi_view_ncc.weight"), weight, 1e-6);
-        EXPECT_EQ(at(angle_deg, "loss.multi_view.fallback_angle_deg"), 75);
+        EXPECT_EQ(at(angle_deg, "loss.multi_view.fallback_angle_deg"), 60);
         EXPECT_EQ(at(angle_deg, "loss.photometric.geometry_full"), 0) << "too wide to hold them";
     }
     // Without a start by stereo, and where all views have a nearer one.
-    const Settings sfm = by_cloud(0.2, 6, {}, 0, 60), near = by_cloud(0.2, 6, by_stereo, 1, 20);
+    const Settings sfm = by_cloud(0.2, 6, {}, 0, 50), near = by_cloud(0.2, 6, by_stereo, 1, 20);
     EXPECT_EQ(value_of(sfm, "loss.multi_view_ncc.weight", -1), 0);
     EXPECT_EQ(value_of(near, "loss.multi_view_ncc.weight", -1), 0.15);
     EXPECT_EQ(value_of(near, "loss.multi_view.fallback_angle_deg", -1), 37);
+}
+
+TEST(Plan, DrawsTheBlurredPhotographsWhereStereoMadeTheStart) {
+    const auto background = [](const std::function<void(TrainingInputs&)>& change) {
+        return sets(by_cloud(0.2, 3, change), "loss.photometric.background", kSoftBackground);
+    };
+    EXPECT_TRUE(background(by_stereo));
+    EXPECT_FALSE(background({}));
+    for (const MaskUse use : {MaskUse::object, MaskUse::none})
+        EXPECT_EQ(background([use](TrainingInputs& in) {
+                      by_stereo(in);
+                      in.options.loss.photometric.masks = use;
+                  }),
+                  use == MaskUse::none);
+    EXPECT_FALSE(background([](TrainingInputs& in) {
+        by_stereo(in);
+        in.options.loss.photometric.background = "sky";
+    }));
 }
 
 TEST(Plan, OnlyAStartByStereoHasASurface) {

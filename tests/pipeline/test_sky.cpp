@@ -20,13 +20,6 @@
 namespace tvsgs {
 namespace {
 
-/// Inverse of octahedral_place(). The result has any length.
-Vec3f octahedral_direction(Vec2f p) {
-    const float z = 1 - std::abs(p.x) - std::abs(p.y);
-    if (z >= 0) return {p.x, p.y, z};
-    return {std::copysign(1 - std::abs(p.y), p.x), std::copysign(1 - std::abs(p.x), p.y), z};
-}
-
 using Texture = std::function<Vec3d(Vec3d)>;
 
 /// Random colours at integer places, linear between them.
@@ -272,13 +265,6 @@ TEST(MakeSky, FillsAcrossItsEdges) {
     }
 }
 
-TEST(LookAt, ASkyIsNothingThatCouldBeMatched) {
-    const Scene scene = scene_of({});
-    const SceneLook bare = look_at(scene, {}), seen = look_at(scene, {}, false, look_at(scene));
-    EXPECT_LT(seen.matchable, 0.7 * bare.matchable);
-    EXPECT_GT(seen.points_per_pixel, 1.4 * bare.points_per_pixel);
-}
-
 struct Planned {
     Configuration config;
     Scene scene;
@@ -291,6 +277,57 @@ struct Planned {
     }
     const PhotometricOptions& photometric() const { return config.options.train.loss.photometric; }
 };
+
+TEST(SoftBackground, IsTheBlurredPhotographs) {
+    Scene scene = scene_of({of_one_colour});
+    for (View& view : scene.train)  // a gradient by direction; black where the lens sees nothing
+        for (int y = 0; y < kHeight; ++y)
+            for (int x = 0; x < kWidth; ++x) {
+                const Vec3f d = normalize(world_direction(view.camera, x, y));
+                for (int c = 0; c < 3; ++c)
+                    view.photo.at(x, y, c) = std::uint8_t(x < 8 ? 0 : 120 + 100 * d[c]);
+            }
+    for (View& view : scene.train) {
+        view.mask = ImageU8(kWidth, kHeight, 1);
+        for (int i = 0; i < kWidth * kHeight; ++i)
+            view.mask.pixels[std::size_t(i)] = i % kWidth < 8 ? kNoPhoto : 255;
+    }
+    const ImageU8 map = make_soft_background(scene.train);
+    const SkyMap soft{map.pixels.data(), map.width};
+    const auto color_off = [&](Vec3f d, Vec3f of) {
+        float most = 0;
+        for (int c = 0; c < 3; ++c)
+            most = std::max(most, std::abs(255 * soft.at(d)[c] - (120 + 100 * of[c])));
+        return most;
+    };
+    EXPECT_LT(color_off({0, 0, 1}, {0, 0, 1}), 6) << "in the middle of the photographs";
+    EXPECT_LT(color_off(normalize(Vec3f{0.2f, 0.1f, 1}), normalize(Vec3f{0.2f, 0.1f, 1})), 6);
+    // Above: as the upper border of the photographs, blurred.
+    EXPECT_LT(color_off({0, -1, 0}, normalize(Vec3f{0, -60 / 130.0f, 1})), 35);
+}
+
+TEST(SoftBackground, StaysWithTheRunAndNeedsNoSky) {
+    Planned p(Settings{{"loss.photometric.background", kSoftBackground}});
+    EXPECT_TRUE(p.look.views.empty()) << "no search for a sky";
+    PhotometricOptions options = p.photometric();
+    provide_soft_background(options, p.scene.train);
+    ASSERT_TRUE(options.sky);
+    const std::string run = testing::TempDir() + "tvsgs_soft_background";
+    std::filesystem::create_directories(run);
+    write_sky(run, options);
+    PhotometricOptions block;
+    block.background = kSoftBackground, block.sky_from = run;
+    provide_soft_background(block, {});
+    EXPECT_EQ(block.sky->pixels, options.sky->pixels);
+    std::filesystem::remove_all(run);
+}
+
+TEST(LookAt, ASkyIsNothingThatCouldBeMatched) {
+    const Scene scene = scene_of({});
+    const SceneLook bare = look_at(scene, {}), seen = look_at(scene, {}, false, look_at(scene));
+    EXPECT_LT(seen.matchable, 0.7 * bare.matchable);
+    EXPECT_GT(seen.points_per_pixel, 1.4 * bare.points_per_pixel);
+}
 
 TEST(ProvideSky, WhereOneIsSeen) {
     const Planned p(Settings{});

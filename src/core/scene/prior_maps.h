@@ -1,7 +1,21 @@
-// Names of the maps that readers of priors write to View::maps and losses read.
+// Names of the maps that readers of priors write to View::maps and losses read, and confidences.
 #pragma once
 
 #include <string_view>
+
+#include "core/device/device.h"
+
+namespace tvsgs {
+
+// Confidences of pixels on planes between measured ones, and of filled ones; measured have more.
+inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
+
+/// Whether stereo measured the depth of a pixel with this confidence.
+TVSGS_HD inline bool is_measured(float confidence) {
+    return confidence > kPlanarConfidence;
+}
+
+}  // namespace tvsgs
 
 namespace tvsgs::prior_map {
 

@@ -2,6 +2,7 @@
 // [Cigolle et al. 2014, A survey of efficient representations for independent unit vectors]
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -16,6 +17,13 @@ TVSGS_HD inline Vec2f octahedral_place(Vec3f d) {
     const float x = d.x / sum, y = d.y / sum;
     if (d.z >= 0) return {x, y};
     return {std::copysign(1 - std::abs(y), x), std::copysign(1 - std::abs(x), y)};
+}
+
+/// Inverse of octahedral_place(): a direction of any length.
+inline Vec3f octahedral_direction(Vec2f p) {
+    const float z = 1 - std::abs(p.x) - std::abs(p.y);
+    if (z >= 0) return {p.x, p.y, z};
+    return {std::copysign(1 - std::abs(p.y), p.x), std::copysign(1 - std::abs(p.x), p.y), z};
 }
 
 /// Index of a texel of a square map. (x, y) may lie one texel outside: beyond an edge the map
@@ -45,6 +53,12 @@ TVSGS_HD inline SkyTexels texels_around(Vec3f direction, int size) {
         found.weight[i] = (i % 2 ? right : 1 - right) * (i / 2 ? below : 1 - below);
     }
     return found;
+}
+
+/// Index of the texel nearest to a direction.
+inline int nearest_texel(Vec3f direction, int size) {
+    const SkyTexels around = texels_around(direction, size);
+    return around.index[std::max_element(around.weight, around.weight + 4) - around.weight];
 }
 
 /// A map on a device, interpolated between texels. Without texels there is no map.

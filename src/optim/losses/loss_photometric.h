@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/scene/prior_maps.h"
 #include "optim/losses/loss.h"
 #include "optim/photo/exposure.h"
 #include "render/photometric/photometric.h"
@@ -40,11 +41,13 @@ struct PhotometricOptions {
             "pixels outside the masks; object: background, must stay empty; ignore: not compared; "
             "none: masks are not used; auto: the plan decides, none without a plan");
         field("coverage", coverage, {0, 1e6},
-              "weight of splats that cover pixels outside object masks; 0: off");
+              "weight of splats that cover pixels outside object masks, and, with a soft "
+              "background, of pixels left open where stereo measured a depth; 0: off");
         field("background", background,
               "colour behind the splats and outside object masks: black, white, R,G,B (0 to 255), "
-              "random (object masks only) or sky (by direction, from the photographs); none: "
-              "black, and pixels outside object masks are not compared");
+              "random (object masks only), sky (by direction, from the photographs) or soft (all "
+              "photographs blurred, by direction); none: black, and pixels outside object masks "
+              "are not compared");
         field("sky_from", sky_from,
               "finished run whose sky is used, for the same sky in all blocks; empty: none");
     }
@@ -73,6 +76,7 @@ public:
           views_(context.views),
           masks_(uses_masks(o.masks)),
           coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
+          open_(o.background == kSoftBackground ? o.weight * o.coverage : 0),
           background_(parse_background(o.background)),
           fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none &&
                  background_.kind != PhotoBackground::Kind::sky),
@@ -89,6 +93,7 @@ public:
     LossNeeds needs() const override {
         LossNeeds needs;
         if (masks_) needs.view_maps.insert("mask");
+        if (open_ > 0) needs.view_maps.insert(prior_map::kConfidence);
         if (coverage_ > 0 || has_background()) needs.maps = Maps::coverage;
         return needs;
     }
@@ -150,11 +155,15 @@ private:
         const bool is_sky = behind.kind == PhotoBackground::Kind::sky;
         if (is_sky && sky_texels_.empty()) copy_sky();
         const DeviceMap<Device>* const map = masks_ ? in.view.map("mask") : nullptr;
+        const DeviceMap<Device>* const confidence =
+            open_ > 0 ? in.view.map(prior_map::kConfidence) : nullptr;
         by_ = {map != nullptr ? map->values.span() : Span<const float>{},
                {behind.linear(), is_sky ? SkyMap{sky_texels_.data(), sky_->width} : SkyMap{},
                 in.view.camera},
                fills_,
-               coverage_ / float(pixels)};
+               coverage_ / float(pixels),
+               confidence != nullptr ? confidence->values.span() : Span<const float>{},
+               open_ / float(pixels)};
         color_.resize(pixels), photo_.resize(3 * pixels), dL_dcolor_.resize(pixels);
         dL_dcolor_.fill_zero();
         parallel_for(Device{}, int(pixels),
@@ -178,7 +187,7 @@ private:
     int exposure_start_;  // 0: never
     int views_;
     bool masks_;
-    float coverage_;  // 0: none
+    float coverage_, open_;  // 0: none
     PhotoBackground background_;
     bool fills_;
     std::shared_ptr<const ImageU8> sky_;

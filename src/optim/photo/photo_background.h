@@ -8,6 +8,7 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/math/rng.h"
+#include "core/scene/prior_maps.h"
 #include "core/scene/scene.h"
 #include "core/scene/sky_map.h"
 
@@ -41,6 +42,9 @@ struct PhotoBackground {
     bool black() const { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
 };
 
+/// A sky of blurred photographs.
+inline constexpr const char* kSoftBackground = "soft";
+
 /// Throws Error(ExitCode::usage).
 inline PhotoBackground parse_background(const std::string& text) {
     using enum PhotoBackground::Kind;
@@ -48,7 +52,7 @@ inline PhotoBackground parse_background(const std::string& text) {
     if (text == "black") return {constant, {0, 0, 0}};
     if (text == "white") return {constant, {255, 255, 255}};
     if (text == "random") return {random, {0, 0, 0}};
-    if (text == "sky") return {sky, {0, 0, 0}};
+    if (text == "sky" || text == kSoftBackground) return {sky, {0, 0, 0}};
     PhotoBackground given{constant, {0, 0, 0}};
     const char *at = text.data(), *const end = at + text.size();
     for (int c = 0; c < 3; ++c) {
@@ -56,8 +60,9 @@ inline PhotoBackground parse_background(const std::string& text) {
         const bool last = c == 2, good = error == std::errc{} &&
                                          (last ? next == end : next != end && *next == ',');
         if (!good)
-            throw Error(ExitCode::usage, "loss.photometric.background: '", text,
-                        "'; expected none, black, white, random, sky, or R,G,B from 0 to 255");
+            throw Error(
+                ExitCode::usage, "loss.photometric.background: '", text,
+                "'; expected none, black, white, random, sky, soft, or R,G,B from 0 to 255");
         at = next + (last ? 0 : 1);
     }
     return given;
@@ -96,6 +101,10 @@ struct MaskedPhoto {
     Behind background;
     bool fills;             // the photograph gets the background where the mask says background
     float coverage_weight;  // cost of a covered pixel there
+    /// [H W] prior_map::kConfidence, or empty, and the cost of an open pixel that stereo measured:
+    /// in front of a background like themselves splats would lose their opacity.
+    Span<const float> confidence{};
+    float open_weight = 0;
 
     TVSGS_HD bool inside(int i) const { return mask.empty() || is_inside(mask[i]); }
     TVSGS_HD bool filled(int i) const { return fills && is_background(mask[i]); }
@@ -119,7 +128,8 @@ struct MaskPhotoBody {
     }
 };
 
-/// Maps dL/d of the compared render to the render; adds the cost of coverage outside of the object.
+/// Maps dL/d of the compared render to the render; adds the costs of coverage outside of the object
+/// and of open pixels.
 struct MaskPhotoVjpBody {
     MaskedPhoto by;
     Span<const float> transmittance;
@@ -133,6 +143,10 @@ struct MaskPhotoVjpBody {
             dL_dcolor[i] += dL_dcompared[i];
             if (!dL_dtransmittance.empty())
                 dL_dtransmittance[i] += dot(dL_dcompared[i], by.background.at(i));
+        }
+        if (!by.confidence.empty() && is_measured(by.confidence[i])) {
+            pixel_loss[i] += by.open_weight * transmittance[i];
+            dL_dtransmittance[i] += by.open_weight;
         }
         if (!(by.coverage_weight > 0) || by.mask.empty() || !is_background(by.mask[i])) return;
         pixel_loss[i] += by.coverage_weight * (1 - transmittance[i]);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/device/device_choice.h"
+#include "core/scene/prior_maps.h"
 #include "core/scene/scene.h"
 #include "mvs/stereo/patch_match.h"
 #include "optim/photo/sky.h"
@@ -12,13 +13,6 @@
 
 namespace tvsgs {
 
-// Confidences of pixels on planes between measured ones, and of filled ones; measured have more.
-inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
-
-/// Whether a pixel of completed_maps() was measured.
-inline bool is_measured(float confidence) {
-    return confidence > kPlanarConfidence;
-}
 std::size_t measured_pixels(const StereoMaps& completed);
 
 /// Fills the pixels of the views' stereo maps that have no depth, and raises the confidences of

@@ -21,7 +21,7 @@ SkyDetection provide_sky(Configuration& config, Scene& scene, RunPlan* plan) {
     PhotometricOptions& o = config.options.train.loss.photometric;
     const bool decides = plan != nullptr && o.masks != MaskUse::object &&
                          !is_pinned(config.table, "loss.photometric.background");
-    if (!decides && !has_sky(o)) return {};
+    if ((!decides && !has_sky(o)) || is_soft(o)) return {};
     SkyDetection look = detect_sky(scene.train, scene.points.positions, uses_masks(o.masks));
     if (decides) plan->apply(decide_sky(look.share), config.table);
     if (!has_sky(o)) return {};
@@ -36,6 +36,14 @@ SkyDetection provide_sky(Configuration& config, Scene& scene, RunPlan* plan) {
     else
         o.sky = std::make_shared<const ImageU8>(make_sky(scene.train, look));
     return look;
+}
+
+void provide_soft_background(PhotometricOptions& options, const std::vector<View>& views) {
+    if (!is_soft(options)) return;
+    if (options.sky_from.empty())
+        options.sky = std::make_shared<const ImageU8>(make_soft_background(views));
+    else
+        read_sky(options, options.sky_from);
 }
 
 bool has_sky_file(const std::string& run) {

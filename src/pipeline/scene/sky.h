@@ -13,11 +13,20 @@ inline bool has_sky(const PhotometricOptions& options) {
     return parse_background(options.background).kind == PhotoBackground::Kind::sky;
 }
 
+/// Whether the background is the blurred photographs.
+inline bool is_soft(const PhotometricOptions& options) {
+    return options.background == kSoftBackground;
+}
+
 /// Looks for a sky and lets `plan` decide on it, if there is a plan and neither the user nor object
 /// masks exclude a sky. If the run has one, fills PhotometricOptions::sky with its map, made of the
 /// photographs or read from `sky_from`, drops the scene's points in it, and returns the look; else
 /// an empty look. Throws Error(ExitCode::input).
 SkyDetection provide_sky(Configuration& config, Scene& scene, RunPlan* plan);
+
+/// Fills PhotometricOptions::sky of a soft background, from the photographs or `sky_from`. Throws
+/// Error(ExitCode::input).
+void provide_soft_background(PhotometricOptions& options, const std::vector<View>& views);
 
 bool has_sky_file(const std::string& run);
 
