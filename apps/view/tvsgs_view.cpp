@@ -5,6 +5,7 @@
 #include "apps/common/command_line.h"
 #include "apps/view/server.h"
 #include "io/files/atomic_file.h"
+#include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
 #include "report/view_page.h"
 
@@ -29,7 +30,7 @@ Arguments parse(int argc, char** argv) {
         "tvsgs-view"};
     app.get_formatter()->column_width(40);
     app.add_option("runs,-m,--run,--model,--model-path", a.input.runs,
-                   "run folder, or two run folders of one scene")
+                   "run folder, two run folders of one scene, or a file of splats")
         ->required();
     add_output_flag(app, "-o,--out,--output", a.out,
                     "page to write, .html [none: served to a browser of this machine, also while a "
@@ -54,6 +55,9 @@ Arguments parse(int argc, char** argv) {
     if (const std::string& last = a.input.runs.back();
         a.out.empty() && std::filesystem::path(last).extension() == ".html")
         throw usage_error(last, ": expected a run folder; to write a page, give --out ", last);
+    if (a.out.empty() && is_file(a.input.runs.front()))
+        throw usage_error(a.input.runs.front(),
+                          ": is a file; to write its page, give --out FILE.html");
     if (a.out.empty() && a.input.runs.size() > 1)
         throw usage_error("two runs: give --out FILE.html; the server shows one run only");
     if (!a.out.empty() && a.port > 0)

@@ -8,6 +8,7 @@
 #include "core/scene/gaussians.h"
 #include "core/scene/mesh.h"
 #include "io/files/json_value.h"
+#include "io/mesh/mesh_files.h"
 #include "pipeline/run/train_evaluation.h"
 
 namespace tvsgs {
@@ -42,12 +43,22 @@ struct PackedSplats {
 /// splats with an alpha of at most kMinAlpha, which are invisible.
 PackedSplats pack_splats(Gaussians<Cpu> splats, std::size_t max_bytes, int max_splats);
 
-/// Vertices in 16 bits of the mesh's box, colours, errors (a byte each, may be empty), and indices.
+/// Vertices in 16 bits of the mesh's box, places in the texture in 16 bits, colours, errors (a byte
+/// each, may be empty), and indices.
 struct PackedMesh {
-    JsonValue about;   // {"vertices", "faces", "low", "high", "colors", "errors"}
+    JsonValue about;   // {"vertices", "faces", "low", "high", "places", "colors", "errors"}
     std::string data;  // deflated
 };
-PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& errors);
+/// `places`: one per vertex, or empty.
+PackedMesh pack_mesh(const TriangleMesh& mesh,
+                     const std::vector<std::uint8_t>& errors,
+                     const std::vector<Vec2f>& places = {});
+
+/// Repeats vertices so that each has one place in the texture, and drops their colours.
+void split_at_charts(TriangleMesh& mesh, const EncodedTexture& texture);
+
+/// The texture's image as JPEG of at most this size. Throws Error(ExitCode::input).
+std::string texture_for_page(const std::string& image, std::size_t max_bytes);
 
 /// Compresses in the format of zlib.
 std::string deflated(const std::string& bytes);

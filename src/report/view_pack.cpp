@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
+#include "io/images/image_file.h"
 #include "io/splats/splat_files.h"
 #include "optim/growth/splat_order.h"
 #include "pipeline/run/splat_selection.h"
@@ -100,7 +101,28 @@ std::string deflated(const std::string& bytes) {
     return out;
 }
 
-PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& errors) {
+void split_at_charts(TriangleMesh& mesh, const EncodedTexture& texture) {
+    std::vector<Vec3f> vertices(texture.places.size());
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+        for (int c = 0; c < 3; ++c) vertices[texture.faces[f][c]] = mesh.vertices[mesh.faces[f][c]];
+    mesh = {std::move(vertices), {}, texture.faces};
+}
+
+std::string texture_for_page(const std::string& image, std::size_t max_bytes) {
+    std::string jpeg = image;
+    const bool is_jpeg = jpeg.starts_with("\xff\xd8");
+    if (is_jpeg && jpeg.size() <= max_bytes) return jpeg;
+    const ImageU8 whole = decode_image("the mesh's texture", image, 3);
+    for (double scale = 1;; scale *= 0.8) {
+        const auto scaled = [&](int n) { return std::max(1, static_cast<int>(scale * n)); };
+        jpeg = jpeg_bytes(resize_bicubic(whole, scaled(whole.width), scaled(whole.height)), 85);
+        if (jpeg.size() <= max_bytes || scaled(whole.width) < 64) return jpeg;
+    }
+}
+
+PackedMesh pack_mesh(const TriangleMesh& mesh,
+                     const std::vector<std::uint8_t>& errors,
+                     const std::vector<Vec2f>& places) {
     Vec3f low = mesh.vertices.front(), high = low;
     for (const Vec3f v : mesh.vertices)
         for (int a = 0; a < 3; ++a)
@@ -115,6 +137,11 @@ PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& 
                     high[a] > low[a] ? std::lround(65535 * (v[a] - low[a]) / (high[a] - low[a]))
                                      : 0),
                 2);
+    for (const Vec2f p : places)
+        for (const float along : {p.x, p.y})
+            put(static_cast<std::uint32_t>(
+                    std::lround(65535 * (along > 0 ? std::min(along, 1.0f) : 0))),
+                2);
     for (const Vec3f c : mesh.colors)
         for (int a = 0; a < 3; ++a)
             put(static_cast<std::uint32_t>(std::lround(255 * std::clamp(c[a], 0.0f, 1.0f))), 1);
@@ -127,6 +154,7 @@ PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& 
         .add("faces", mesh.faces.size())
         .add("low", list(low))
         .add("high", list(high))
+        .add("places", places.empty() ? 0.0 : 1.0)
         .add("colors", mesh.colors.empty() ? 0.0 : 1.0)
         .add("errors", errors.empty() ? 0.0 : 1.0);
     return {std::move(about), deflated(bytes)};

@@ -23,6 +23,7 @@ namespace {
 constexpr int kPhotoSide = 640, kPosterSide = 800;  // px
 constexpr std::size_t kPhotoBytes = 3'000'000;      // of all photographs
 constexpr std::size_t kPageBytes = 200'000;         // of texts, scripts and posters, approximately
+constexpr std::size_t kTextureShare = 5;            // a fifth of the page, for textures
 constexpr double kBase64 = 4.0 / 3;                 // bytes of text for one of data
 
 /// Replaces each {{name}} in the template; `values` must have all names.
@@ -204,15 +205,21 @@ private:
         ViewRun& run = runs_[i];
         JsonValue about;
         if (!run.mesh.faces.empty()) {
+            if (!run.texture.image.empty()) {
+                const std::size_t bytes = options_.max_bytes / kTextureShare / runs_.size();
+                data_ += hold("texture", i, base64(texture_for_page(run.texture.image, bytes)));
+                split_at_charts(run.mesh, run.texture);
+            }
             std::vector<std::uint8_t> errors;
             const std::vector<Vec3f>& v = run.mesh.vertices;
             if (run.truth) errors = error_levels({v.data(), v.size()}, *run.truth, full_);
-            PackedMesh packed = pack_mesh(run.mesh, errors);
+            PackedMesh packed = pack_mesh(run.mesh, errors, run.texture.places);
             about.add("mesh", std::move(packed.about));
             data_ += hold("mesh", i, base64(packed.data));
             if (run.mesh.faces.size() < run.mesh_faces)
                 note(str(run.name, ": mesh simplified from ", grouped(run.mesh_faces), " to ",
-                         grouped(run.mesh.faces.size()), " triangles for this page."));
+                         grouped(run.mesh.faces.size()),
+                         " triangles for this page, in the colours of its vertices."));
         }
         abouts_.push_back(std::move(about));
     }
@@ -221,6 +228,7 @@ private:
         ViewRun& run = runs_[i];
         JsonValue& about = abouts_[i];
         const auto backbone = make_backbone<Cpu>(run.train.backbone, run.train.render);
+        const auto all = static_cast<std::size_t>(run.splats.size());
         PackedSplats packed = pack_splats(std::move(run.splats), max_bytes, options_.max_splats);
         const auto count = static_cast<std::size_t>(packed.shown.size());
         if (packed.shown.size() < packed.of)
@@ -255,9 +263,15 @@ private:
             str("<div class=\"pane\" hidden><img alt=\"\" src=\"data:,\" hidden><canvas></canvas>",
                 runs_.size() > 1 ? str("<span>", escaped(run.name), "</span>") : "", "</div>\n");
         rows_.push_back(
-            {run.name, grouped(count), std::to_string(packed.shown.sh_degree),
-             backbone->traits.flat ? "discs" : "ellipsoids",
-             run.mesh.faces.empty() ? "none" : grouped(run.mesh.faces.size()) + " triangles",
+            {run.name,
+             grouped(count) + (static_cast<std::size_t>(packed.of) < all
+                                   ? str(" of ", grouped(all), "; opacity below 1/255 is invisible")
+                                   : ""),
+             std::to_string(packed.shown.sh_degree), backbone->traits.flat ? "discs" : "ellipsoids",
+             run.mesh.faces.empty() ? "none"
+                                    : grouped(run.mesh.faces.size()) +
+                                          (run.texture.image.empty() ? " triangles, no texture"
+                                                                     : " triangles, with texture"),
              run.truth ? "known" : "not given"});
     }
 
@@ -318,8 +332,10 @@ private:
         std::string title, summary;
         for (std::size_t i = 0; i < runs_.size(); ++i) {
             title += (i ? " beside " : "") + runs_[i].name;
-            summary += str(i ? "; " : "", rows_[i][1], " splats", runs_.size() > 1 ? " of " : "",
-                           runs_.size() > 1 ? runs_[i].name : "");
+            if (abouts_[i]["splats"].number == 0 && options_.follow) continue;  // the page counts
+            summary +=
+                str(grouped(static_cast<std::size_t>(abouts_[i]["splats"].number)), " splats",
+                    runs_.size() > 1 ? " of " : "", runs_.size() > 1 ? runs_[i].name : "", "; ");
         }
         std::string palette;
         for (int i = 0; i < 256; ++i) {
@@ -341,9 +357,9 @@ private:
              {"title", escaped(title) + ": view"},
              {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
              {"heading", escaped(title)},
-             {"summary", escaped(str(summary, "; ", cameras_.size(), " cameras."))},
+             {"summary", escaped(str(summary, counted(cameras_.size(), "camera"), "."))},
              {"notes", notes},
-             {"view", escaped(str("View in 3D of ", summary, "."))},
+             {"view", escaped(str("View in 3D of ", title, "."))},
              {"panes", panes_ + overlays_},
              {"modes", modes()},
              {"layers", layers()},

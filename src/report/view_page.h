@@ -10,6 +10,7 @@
 #include "core/scene/image.h"
 #include "core/scene/mesh.h"
 #include "io/files/json_value.h"
+#include "io/mesh/mesh_files.h"
 #include "optim/loop/train.h"
 #include "pipeline/run/train_evaluation.h"
 
@@ -21,6 +22,7 @@ struct ViewRun {
     Gaussians<Cpu> splats;       // may be empty
     TrainOptions train;          // its rendering options are used
     TriangleMesh mesh;           // without faces: no mesh
+    EncodedTexture texture;      // of the mesh; empty: the page shows the colours of its vertices
     std::size_t mesh_faces = 0;  // before it was simplified for the page
     std::optional<Truth> truth;
     JsonValue evaluations;  // of its report.json
@@ -54,7 +56,7 @@ inline constexpr const char* kViewPolicy =
 inline constexpr std::size_t kViewFaces = 500'000;
 
 struct ViewInput {
-    std::vector<std::string> runs;  // folders, at least one
+    std::vector<std::string> runs;  // folders, at least one; or one file of splats
     std::string scene;              // empty: the scene of the first run
     std::string gt, crop;           // empty: the truth that the run was measured against
     bool may_train = false;         // a run without splats is allowed, as it still trains

@@ -1,13 +1,16 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/math/quantile.h"
 #include "core/scene/scene.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/georeference.h"
+#include "io/splats/splat_files.h"
 #include "mesh/simplify/simplify.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
+#include "plan/decide.h"
 #include "report/report.h"
 #include "report/view_page.h"
 
@@ -129,15 +132,17 @@ ViewRun read_run(const std::string& path, const ViewInput& input, ViewSubject& s
     const auto read_mesh_of_run = [&] {
         const std::string file = find_mesh(path);
         if (file.empty()) return;
-        PlyContents read = read_mesh(file, origin);
+        PlyContents read = read_mesh(file, origin, true, &run.texture);
         TriangleMesh mesh{std::move(read.points.positions), std::move(read.points.colors),
                           std::move(read.faces)};
         check_mesh(file, mesh);
         run.mesh_faces = mesh.faces.size();
         std::vector<Camera> all;
         for (const ViewCamera& c : subject.cameras) all.push_back(c.camera);
-        if (run.mesh_faces > input.max_faces)
+        if (run.mesh_faces > input.max_faces) {
+            run.texture = {};
             simplify_and_log(mesh, all, {0, static_cast<int>(input.max_faces)});
+        }
         run.mesh = std::move(mesh);
     };
     if_possible("a mesh", read_mesh_of_run, input.whole, missing);
@@ -162,6 +167,47 @@ ViewRun read_run(const std::string& path, const ViewInput& input, ViewSubject& s
     return run;
 }
 
+/// A camera that looks at most of the splats along +z.
+Camera camera_at(const Gaussians<Cpu>& splats) {
+    Vec3f middle, half;
+    for (int a = 0; a < 3; ++a) {
+        std::vector<double> values;
+        for (const Vec3f mean : splats.means.span()) values.push_back(mean[a]);
+        const double low = quantile(values, 0.02), high = quantile(values, 0.98);
+        middle[a] = float(0.5 * (low + high)), half[a] = float(0.5 * (high - low));
+    }
+    Camera c;
+    c.width_px = 800, c.height_px = 600, c.fx_px = c.fy_px = 800;
+    c.cx_px = 400, c.cy_px = 300;
+    c.camera_from_world.t = Vec3f{0, 0, std::max(3 * norm(half), 1e-3f)} - middle;
+    return c;
+}
+
+/// The content of a page for a file of splats: no run, no photographs.
+ViewSubject read_splat_subject(const ViewInput& input) {
+    const std::string& path = input.runs.front();
+    if (input.runs.size() > 1)
+        throw Error(ExitCode::usage, path, ": is a file; two runs side by side are two folders");
+    ViewRun run;
+    run.name = fs::path(path).stem().string();
+    if (splat_format(path) == SplatFormat::ply && read_ply_scales(path) == PlyScales::two)
+        run.train.backbone = kDiscs;
+    run.splats = read_splat_file(path);
+    if (run.splats.size() == 0)
+        throw input_error(path, ": no usable splats; expected at least one");
+    std::vector<Vec3d> places;
+    for (const Vec3f mean : run.splats.means.span()) places.push_back(vec_cast<double>(mean));
+    ViewSubject subject;
+    subject.origin = local_origin(places);
+    if (norm(subject.origin) > 0) run.splats = read_splat_file(path, {}, subject.origin);
+    EvaluationOptions measure;
+    measure.gt = input.gt, measure.crop = input.crop;
+    run.truth = read_truth(measure, subject.origin);
+    subject.cameras.push_back({"front", false, camera_at(run.splats), {}});
+    subject.runs.push_back(std::move(run));
+    return subject;
+}
+
 }  // namespace
 
 bool in_metres(const std::string& run, const std::string& scene) {
@@ -171,6 +217,7 @@ bool in_metres(const std::string& run, const std::string& scene) {
 }
 
 ViewSubject read_view_subject(const ViewInput& input) {
+    if (is_file(input.runs.front())) return read_splat_subject(input);
     ViewSubject subject;
     RunOptions first = options_of(input.runs.front());
     read_cameras(input.runs.front(), subject);

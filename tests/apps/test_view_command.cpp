@@ -113,6 +113,31 @@ TEST_F(ViewCommand, ARunThatHasLostItsSceneDoesWithoutPhotographs) {
     EXPECT_EQ(count_of(contents(folder_ / "found.html"), "<img id=\"photo"), 4u);
 }
 
+TEST_F(ViewCommand, AFileOfSplatsHasAPage) {
+    const std::string splats = "run/point_cloud/iteration_40/point_cloud.ply";
+    ASSERT_EQ(run_tool(folder_, "export", splats + " bare.SPZ").code, 0);
+    for (const std::string& file : {splats, std::string("bare.SPZ")}) {
+        const Result result = run_tool(folder_, "view", file + " --out bare.html");
+        ASSERT_EQ(result.code, 0) << result;
+        const std::string page = contents(folder_ / "bare.html");
+        EXPECT_NE(page.find("id=\"splats0\""), std::string::npos);
+        EXPECT_EQ(count_of(page, "data-camera=\"0\""), 1u);
+        EXPECT_NE(page.find(file == splats ? "\"discs\": 1" : "\"discs\": 0"), std::string::npos);
+    }
+    expect_refused(splats, 2, "give --out FILE.html");
+    expect_refused(splats + " run --out page.html", 2, "two folders");
+}
+
+TEST_F(ViewCommand, SwappedTruthIsSaid) {
+    const std::string splats = "run/point_cloud/iteration_40/point_cloud.ply",
+                      truth = "scene/gt/points.ply";
+    const auto eval = [&](const std::string& pred, const std::string& gt) {
+        return run_tool(folder_, "eval", "geometry --tau 1 --pred " + pred + " --gt " + gt);
+    };
+    EXPECT_TRUE(eval(truth, splats).says("were --pred and --gt swapped?"));
+    EXPECT_FALSE(eval(splats, truth).says("swapped"));
+}
+
 TEST_F(ViewCommand, WhatIsWrongIsSaid) {
     expect_refused("scene --out page.html", 3, "no run here yet");
     expect_refused("run run run --out page.html", 2, "expected one or two");

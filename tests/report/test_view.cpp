@@ -6,10 +6,13 @@
 #include <filesystem>
 
 #include "io/files/atomic_file.h"
+#include "io/images/image_file.h"
+#include "io/mesh/mesh_files.h"
 #include "io/splats/splat_files.h"
 #include "render/backbone.h"
 #include "report/page_data.h"
 #include "report/view_page.h"
+#include "support/numeric.h"
 #include "view_cases.h"
 
 namespace tvsgs {
@@ -333,6 +336,75 @@ TEST_F(ViewInBrowser, MeshesCoverTheirPixelsAndErrorsHaveTheirColours) {
     EXPECT_NEAR(byte_at(pixels_of(centres, 0), u, v, 0), end.r, 1);
     EXPECT_NEAR(byte_at(pixels_of(centres, 0), u, v, 1), end.g, 1);
     EXPECT_EQ(byte_at(pixels_of(centres, 0), u + 6, v, 0), 0) << "a dot, no splat";
+}
+
+/// A square before the second camera, red above and green below by a texture whose halves are two
+/// charts; its vertices are blue.
+ViewRun painted_run(const std::string& glb, const Camera& c) {
+    TriangleMesh square;
+    MeshTexture texture;
+    const Rigid3f world = inverse(c.camera_from_world);
+    for (const float y : {-1.0f, 0.0f, 1.0f})
+        for (const float x : {-1.0f, 1.0f}) square.vertices.push_back(world * Vec3f{x, y, 5});
+    square.faces = {{0, 2, 1}, {1, 2, 3}, {2, 4, 3}, {3, 4, 5}};
+    texture.image = ImageU8(64, 64, 3);
+    for (int y = 0; y < 64; ++y)
+        for (int x = 0; x < 64; ++x) texture.image.at(x, y, x < 32 ? 0 : 1) = 250;
+    for (const float left : {0.0f, 0.5f})
+        for (const float y : {0.1f, 0.9f})
+            for (const float x : {0.1f, 0.4f}) texture.places.push_back({left + x, y});
+    texture.faces = {{0, 2, 1}, {1, 2, 3}, {4, 6, 5}, {5, 6, 7}};
+    write_mesh(glb, square, texture);
+    ViewRun run = run_of("run", "ewa", single());
+    PlyContents read = read_mesh(glb, {}, true, &run.texture);
+    run.mesh = {std::move(read.points.positions), {}, std::move(read.faces)};
+    run.mesh.colors.assign(run.mesh.vertices.size(), {0, 0, 1});
+    run.mesh_faces = run.mesh.faces.size();
+    return run;
+}
+
+TEST(ViewPack, TexturesComeFromTheGlbAndKeepToTheirSize) {
+    const fs::path file = folder("glb") / "mesh.glb";
+    const ViewRun run = painted_run(file, two_cameras()[1].camera);
+    EXPECT_EQ(run.mesh.vertices.size(), 6u) << "merged where the charts meet";
+    ASSERT_EQ(run.texture.places.size(), 8u);
+    TriangleMesh split = run.mesh;
+    split_at_charts(split, run.texture);
+    EXPECT_EQ(split.vertices.size(), 8u);
+    EXPECT_TRUE(split.colors.empty());
+    for (std::size_t f = 0; f < 4; ++f)
+        for (int c = 0; c < 3; ++c)
+            EXPECT_EQ(norm(split.vertices[std::size_t(split.faces[f][c])] -
+                           run.mesh.vertices[std::size_t(run.mesh.faces[f][c])]),
+                      0);
+    EXPECT_EQ(texture_for_page(run.texture.image, 1'000'000), run.texture.image);
+    ImageU8 noise(400, 300, 3);
+    test::Random random(1);
+    for (auto& value : noise.pixels) value = std::uint8_t(random.uniform(0, 255));
+    const std::string small = texture_for_page(png_bytes(noise), 20'000);
+    EXPECT_LE(small.size(), 20'000u);
+    const ImageU8 shrunk = decode_image("texture", small);
+    EXPECT_LT(shrunk.width, 400);
+    EXPECT_NEAR(double(shrunk.width) / shrunk.height, 4.0 / 3, 0.05);
+}
+
+TEST_F(ViewInBrowser, TheMeshHasItsTexture) {
+    const std::vector<ViewCamera> cameras = two_cameras();
+    const Camera& c = cameras[1].camera;
+    const fs::path where = folder("texture"), file = where / "page.html";
+    std::vector<ViewRun> runs;
+    runs.push_back(painted_run(where / "mesh.glb", c));
+    write_text_file(file, view_page({std::move(runs), cameras}).html);
+    const JsonValue result = test_of_page(file, "?test=1&show=mesh");
+    ASSERT_EQ(result["pixels"].items.size(), 1u) << result["failed"].text;
+    const std::string pixels = pixels_of(result, 0);
+    const int x = int(c.cx_px), y = int(c.cy_px), step = int(0.5f * c.fy_px / 5);
+    for (const bool below : {false, true}) {
+        const int at = below ? y + step : y - step;
+        EXPECT_NEAR(byte_at(pixels, x, at, below ? 1 : 0), 250, 6) << "unshaded";
+        EXPECT_LT(byte_at(pixels, x, at, below ? 0 : 1), 8);
+        EXPECT_LT(byte_at(pixels, x, at, 2), 8) << "not the colour of the vertices";
+    }
 }
 
 TEST_F(ViewInBrowser, WithoutWebGlThereArePicturesAndANotice) {

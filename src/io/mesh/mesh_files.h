@@ -13,6 +13,13 @@ namespace tvsgs {
 enum class MeshFormat { glb, obj, ply };
 enum class TextureFormat { jpeg, png, webp };
 
+/// Like MeshTexture, with the image as the bytes of its file; empty: none.
+struct EncodedTexture {
+    std::string image;
+    std::vector<Vec2f> places;
+    std::vector<Vec3i> faces;
+};
+
 /// Format by the extension of the name.
 std::optional<MeshFormat> mesh_format(const std::string& path);
 
@@ -69,7 +76,11 @@ void check_size(const std::string& path, std::size_t found, std::size_t expected
 /// primitives; the reader merges vertices at equal positions, in the order of the faces. Throws
 /// Error(ExitCode::input).
 /// `want_colors`: if false, ignores a GLB's texture, which may be damaged or too large.
-PlyContents read_mesh(const std::string& path, Vec3d origin = {}, bool want_colors = true);
+/// `texture`: gets the texture of a GLB of tvsgs, if it is a readable JPEG or PNG.
+PlyContents read_mesh(const std::string& path,
+                      Vec3d origin = {},
+                      bool want_colors = true,
+                      EncodedTexture* texture = nullptr);
 /// Like read_ply_geometry().
 PlyGeometry read_mesh_geometry(const std::string& path);
 
@@ -86,6 +97,9 @@ std::string glb_bytes(const std::string& path,
 
 /// Positions are in the frame of the file, or of the scene for files of tvsgs. Throws
 /// Error(ExitCode::input).
-PlyGeometry read_glb(const std::string& path, std::string_view bytes, bool want_colors);
+PlyGeometry read_glb(const std::string& path,
+                     std::string_view bytes,
+                     bool want_colors,
+                     EncodedTexture* texture = nullptr);
 
 }  // namespace tvsgs

@@ -22,9 +22,13 @@ constexpr std::size_t kCopiesPerByte = 64, kMinCopies = std::size_t{1} << 26;
 
 class GlbReader : GlbDocument {
 public:
-    GlbReader(const std::string& path, std::string_view bytes, bool want_colors)
+    GlbReader(const std::string& path,
+              std::string_view bytes,
+              bool want_colors,
+              EncodedTexture* texture)
         : GlbDocument(path, bytes),
           want_colors_(want_colors),
+          texture_(texture),
           most_(std::max(kMinCopies, kCopiesPerByte * bytes.size())) {
         // Extensions that change the geometry must be supported; those that change images are
         // ignored.
@@ -46,6 +50,13 @@ public:
         }
         if (out_.faces.empty()) fail("no triangles");
         if (!has_colors_) out_.colors.clear();
+        if (from_tvsgs_ && texture_ && decoded_.first && !decoded_.second.empty() &&
+            texture_->places.size() == out_.positions.size()) {
+            texture_->image = view_bytes(list(doc_, "images")[*decoded_.first], nullptr);
+            texture_->faces = out_.faces;
+        } else if (texture_) {
+            *texture_ = {};
+        }
         if (from_tvsgs_) merge_duplicates();
         return std::move(out_);
     }
@@ -163,6 +174,9 @@ private:
                 return static_cast<int>(std::clamp(at * size, 0.0, size - 1.0));
             };
             for (std::size_t i = 0; i < count; ++i) {
+                if (texture_)
+                    texture_->places.push_back({static_cast<float>(place.value(i, 0)),
+                                                static_cast<float>(place.value(i, 1))});
                 const int x = pixel(place.value(i, 0), image->width),
                           y = pixel(place.value(i, 1), image->height);
                 for (int c = 0; c < 3; ++c) to[i][c] = static_cast<float>(image->at(x, y, c)) / 255;
@@ -233,7 +247,8 @@ private:
     }
 
     const bool want_colors_;
-    const std::size_t most_;  // vertices and corners
+    EncodedTexture* const texture_;  // null: not wanted
+    const std::size_t most_;         // vertices and corners
     std::size_t claimed_ = 0;
     bool has_colors_ = false, from_tvsgs_ = false;
     Vec3d origin_;
@@ -244,8 +259,11 @@ private:
 
 }  // namespace
 
-PlyGeometry read_glb(const std::string& path, std::string_view bytes, bool want_colors) {
-    return GlbReader(path, bytes, want_colors).read();
+PlyGeometry read_glb(const std::string& path,
+                     std::string_view bytes,
+                     bool want_colors,
+                     EncodedTexture* texture) {
+    return GlbReader(path, bytes, want_colors, texture).read();
 }
 
 }  // namespace tvsgs

@@ -67,11 +67,14 @@ PlyGeometry read_obj(const std::string& path, std::string_view bytes, bool want_
 }
 
 /// Reads a file whose extension or first bytes show another format than PLY.
-std::optional<PlyGeometry> read_other(const std::string& path, bool want_colors) {
+std::optional<PlyGeometry> read_other(const std::string& path,
+                                      bool want_colors,
+                                      EncodedTexture* texture = nullptr) {
     const MeshFormat format = mesh_format(path).value_or(MeshFormat::ply);
     if (format == MeshFormat::ply) return std::nullopt;
     const std::string bytes = read_bytes(path);
-    if (std::string_view(bytes).starts_with("glTF")) return read_glb(path, bytes, want_colors);
+    if (std::string_view(bytes).starts_with("glTF"))
+        return read_glb(path, bytes, want_colors, texture);
     if (format == MeshFormat::glb)
         throw input_error("E_GLB: ", path, ": not a binary glTF; expected glTF as its first bytes");
     return read_obj(path, bytes, want_colors);
@@ -79,8 +82,11 @@ std::optional<PlyGeometry> read_other(const std::string& path, bool want_colors)
 
 }  // namespace
 
-PlyContents read_mesh(const std::string& path, Vec3d origin, bool want_colors) {
-    std::optional<PlyGeometry> mesh = read_other(path, want_colors);
+PlyContents read_mesh(const std::string& path,
+                      Vec3d origin,
+                      bool want_colors,
+                      EncodedTexture* texture) {
+    std::optional<PlyGeometry> mesh = read_other(path, want_colors, texture);
     if (!mesh) return read_ply(path, origin);
     PlyContents out;
     out.points.positions.reserve(mesh->positions.size());

@@ -110,11 +110,12 @@ function unpackSplatsAside(bytes, errors, shift) {
   });
 }
 
-/** Unpacks a mesh: positions u16, colours u8 (x3), errors u8, indices u32, in this order. */
+/** Unpacks a mesh: positions u16, places u16, colours u8, errors u8, indices u32, in this order. */
 function unpackMesh(bytes, about) {
   let at = 0;
   const take = n => bytes.slice(at, at += n);
   const positions = new Uint16Array(take(6 * about.vertices).buffer);
+  const places = about.places ? new Uint16Array(take(4 * about.vertices).buffer) : null;
   const colors = about.colors ? take(3 * about.vertices) : null;
   const errors = about.errors ? take(about.vertices) : null;
   const faces = new Uint32Array(take(12 * about.faces).buffer);
@@ -127,7 +128,7 @@ function unpackMesh(bytes, about) {
   const padded = new Uint16Array(4 * about.vertices);
   for (let i = 0; i < about.vertices; ++i)
     for (let a = 0; a < 3; ++a) padded[4 * i + a] = positions[3 * i + a];
-  return {positions: padded, looks, faces};
+  return {positions: padded, looks, places, faces};
 }
 
 /**

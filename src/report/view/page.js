@@ -19,7 +19,11 @@ async function readRun(run, index) {
   };
   const errors = await data('errors', 'deflate'), mesh = await data('mesh', 'deflate');
   const splats = await unpackSplatsAside(await data('splats', 'gzip') || noSplats(), errors);
-  return {splats, mesh: mesh && unpackMesh(mesh, run.mesh)};
+  const holder = element('texture' + index);
+  const texture = mesh && holder &&
+      await createImageBitmap(new Blob([decodeBase64(holder.textContent)], {type: 'image/jpeg'}));
+  if (holder) holder.remove();
+  return {splats, mesh: mesh && { ...unpackMesh(mesh, run.mesh), texture }};
 }
 
 /** Requests newer splats from the page's server while the training runs. */

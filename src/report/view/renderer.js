@@ -137,14 +137,22 @@ class Renderer {
     const gl = this.gl;
     run.mesh = gl.createVertexArray(), run.faces = mesh.faces;
     gl.bindVertexArray(run.mesh);
-    const attribute = (at, data, type) => {
+    const attribute = (at, data, type, size = 4) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
       gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
       gl.enableVertexAttribArray(at);
-      gl.vertexAttribPointer(at, 4, type, true, 0, 0);
+      gl.vertexAttribPointer(at, size, type, true, 0, 0);
     };
     attribute(0, mesh.positions, gl.UNSIGNED_SHORT);
     attribute(1, mesh.looks, gl.UNSIGNED_BYTE);
+    if (mesh.texture) {
+      attribute(2, mesh.places, gl.UNSIGNED_SHORT, 2);
+      run.texture = this.texture(gl.TEXTURE_2D, () => {
+        gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, mesh.texture);
+        gl.generateMipmap(gl.TEXTURE_2D);
+      }, null, gl.LINEAR);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    }
     run.triangles = this.indexBuffer(mesh.faces);
   }
 
@@ -270,7 +278,8 @@ class Renderer {
     this.bind(0, gl.TEXTURE_2D, run.palette, at.uPalette);
     gl.uniform3fv(at.uCorner, low);
     gl.uniform3fv(at.uSpan, minus(high, low));
-    gl.uniform1i(at.uLook, looks[look]);
+    this.bind(1, gl.TEXTURE_2D, run.texture || run.palette, at.uTexture);
+    gl.uniform1i(at.uLook, looks[look === 'colors' && run.texture ? 'texture' : look]);
     gl.enable(gl.DEPTH_TEST);
     gl.bindVertexArray(run.mesh);
     if (look === 'wire') {

@@ -6,8 +6,9 @@ const kVersion = '#version 300 es\nprecision highp float;\nprecision highp int;\
     'precision highp usampler2D;\nprecision highp usampler2DArray;\n';
 
 /** Values of uLook: how a mesh is drawn. */
-const looks = Object.fromEntries(
-    ['colors', 'plain', 'normals', 'error', 'wire', 'fill', 'depth'].map((name, i) => [name, i]));
+const looks = Object.fromEntries([
+  'colors', 'plain', 'normals', 'error', 'wire', 'fill', 'depth', 'texture'
+].map((name, i) => [name, i]));
 const kBins = 1024;  // depths of a probe
 
 const kSplatSource = `
@@ -260,6 +261,8 @@ uniform vec2 uSize;
 uniform float uNear;
 layout(location = 0) in vec4 aPlace;
 layout(location = 1) in vec4 aLook;  // colour, then error
+layout(location = 2) in vec2 aAt;    // place in the texture
+out vec2 vAt;
 out vec3 vPlace;
 out vec3 vWorld;
 out vec3 vColor;
@@ -267,15 +270,16 @@ out float vError;
 void main() {
   vec3 place = uCorner + uSpan * aPlace.xyz;
   vec3 p = vec3(dot(uRight, place), dot(uDown, place), dot(uForward, place)) + uOffset;
-  vPlace = p, vWorld = place, vColor = aLook.rgb, vError = aLook.a;
+  vPlace = p, vWorld = place, vColor = aLook.rgb, vError = aLook.a, vAt = aAt;
   gl_Position = vec4(2. * (uLens.x * p.x + uLens.z * p.z) / uSize.x - p.z,
                      p.z - 2. * (uLens.y * p.y + uLens.w * p.z) / uSize.y,
                      p.z - 2. * uNear, p.z);
 }`;
 const kMeshFragment = kVersion + `
-uniform sampler2D uPalette;
+uniform sampler2D uPalette, uTexture;
 uniform vec3 uLow, uHigh;  // of the cut
 uniform int uLook;
+in vec2 vAt;
 in vec3 vPlace;
 in vec3 vWorld;
 in vec3 vColor;
@@ -290,6 +294,8 @@ void main() {
   if (uLook == ${looks.plain}) own = vec3(.85);
   if (uLook == ${looks.error}) own = texelFetch(uPalette, ivec2(int(255. * vError + .5), 0), 0).rgb;
   color = vec4(own * mix(.45, 1., abs(facing)), 1);
+  vec3 painted = texture(uTexture, vAt).rgb;  // photographs have their light
+  if (uLook == ${looks.texture}) color.rgb = painted;
   if (uLook == ${looks.normals}) color.rgb = .5 + .5 * vec3(normal.x, -normal.yz);
   if (uLook == ${looks.fill}) color.rgb = vec3(.1);
   if (uLook == ${looks.wire}) color.rgb = vec3(.6, .85, 1);
