@@ -17,6 +17,7 @@ constexpr int kDenseViews = 40;
 constexpr double kModelCovers = 0.4, kStereoPoints = 0.6;
 constexpr std::size_t kLeastPoints = 100;  // to start from
 constexpr double kLeastCovered = 0.01;     // share of the photographs
+constexpr double kBehind = 0.9;            // share of points and cameras; 0.5 in a room is usual
 // Masks: share of the initial points outside; share of the images' border outside that makes them
 // masks of an object, and of full coverage above it.
 constexpr double kMatchedOutside = 0.5, kObjectBorder = 0.1, kObjectSlope = 0.3, kCoverage = 0.1;
@@ -117,7 +118,10 @@ std::string start_fault(const StartLook& look) {
     if (look.points >= kLeastPoints && look.covered >= kLeastCovered) return {};
     return str(grouped(look.points), " start points on ", percent(look.covered),
                " of the photographs; expected at least ", kLeastPoints, " on ",
-               percent(kLeastCovered));
+               percent(kLeastCovered),
+               look.behind > kBehind ? "; they lie behind the cameras: the poses are wrong, see "
+                                       "docs/guide/input.md#conventions"
+                                     : "");
 }
 
 Decision decide_sky(double share) {

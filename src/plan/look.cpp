@@ -241,7 +241,8 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
         if (mask.empty()) continue;
         ++look.masked;
         const auto object = [](std::uint8_t value) { return value >= kObjectMask; };
-        if (look.empty.empty() && std::ranges::none_of(mask.pixels, object)) look.empty = view.name;
+        if (std::ranges::none_of(mask.pixels, object) && look.empties++ == 0)
+            look.empty = view.name;
         look.outside += has_outside(mask);
         int all = 0, outside = 0;
         for_border(view, [&](int x, int y) { ++all, outside += mask.at(x, y) == 0; });
@@ -259,8 +260,10 @@ StartLook look_at_start(const std::vector<View>& train,
                         bool masks) {
     constexpr int kCells = 64;
     const std::size_t stride = 1 + points.size() / 50000;  // enough for a few thousand cells
-    std::size_t all = 0, covered = 0;
+    std::size_t all = 0, covered = 0, tested = 0, behind = 0;
     for (const View& view : train) {
+        for (std::size_t i = 0; i < points.size(); i += stride)
+            ++tested, behind += (view.camera.camera_from_world * points[i]).z <= 0;
         const int w = view.camera.width_px, h = view.camera.height_px,
                   side = (std::max(w, h) + kCells - 1) / kCells, row = (w + side - 1) / side;
         std::vector<std::uint8_t> seen(std::size_t(row) * ((h + side - 1) / side));
@@ -273,7 +276,8 @@ StartLook look_at_start(const std::vector<View>& train,
             ++all, covered += seen[i];
         }
     }
-    return {points.size(), all > 0 ? double(covered) / double(all) : 0};
+    return {points.size(), all > 0 ? double(covered) / double(all) : 0,
+            tested > 0 ? double(behind) / double(tested) : 0};
 }
 
 double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points) {

@@ -48,7 +48,8 @@ SceneLook look_at(const Scene& scene,
 struct MaskLook {
     int views = 0, masked = 0;  // training views; training views with a mask
     int outside = 0;            // views whose mask leaves out pixels that the lens saw
-    std::string empty;          // the first view whose mask has no pixel of the object
+    int empties = 0;            // views whose mask has no pixel of the object
+    std::string empty;          // the first of them
     double border = 0;          // share of an image's border outside the mask, median
     double matched = 0;         // share of the points' projections that are outside the masks
 };
@@ -58,6 +59,7 @@ struct StartLook {
     std::size_t points = 0;
     /// Share of the cells (inside masks) that show a point; 64 along a photograph's longer side.
     double covered = 0;
+    double behind = 0;  // share of points and cameras with the point behind the camera
 };
 StartLook look_at_start(const std::vector<View>& train,
                         const std::vector<Vec3f>& points,

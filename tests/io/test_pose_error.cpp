@@ -66,6 +66,18 @@ TEST(PoseError, OfAKnownMotion) {
     EXPECT_NEAR(Model({}, {0, 0.04, 0}, 0).error(), 0.5 * 370 * 0.04 / 4.3, 0.15);
 }
 
+TEST(PoseError, InfiniteWithThePointsBehindTheCamera) {
+    Model model({}, {}, 0);
+    model.image.camera_from_world.t.z = -5.9;
+    EXPECT_TRUE(std::isinf(model.error()));
+}
+
+TEST(PoseError, InfiniteWithMirroredPoints) {
+    Model model({}, {}, 0);
+    for (Vec3d& p : model.points.positions) p.x = -p.x;
+    EXPECT_TRUE(std::isinf(model.error()));
+}
+
 TEST(PoseError, NoiseOfObservationsIsNone) {
     EXPECT_LT(Model({}, {}, 1).error(), 0.08);
     EXPECT_NEAR(Model({0, 0.01, 0}, {}, 1).error(), 1.9, 0.2);

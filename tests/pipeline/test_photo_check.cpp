@@ -51,5 +51,37 @@ TEST(CheckPhotographs, ComparesRowsFromTopToBottom) {
     EXPECT_EQ(refusal({a, b}), "");
 }
 
+std::string poses_refused(const std::vector<double>& errors) {
+    std::vector<View> views;
+    for (const double error : errors) {
+        views.push_back(view_of("a.png", 80, 60, 3));
+        views.back().camera.width_px = 80, views.back().pose_error_px = error;
+    }
+    try {
+        check_poses("SCENE", views);
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::input);
+        return error.what();
+    }
+    return "";
+}
+
+TEST(CheckPoses, RefusesPosesThatThePointsContradict) {
+    EXPECT_EQ(poses_refused({0.1, NAN, 3}), "");
+    EXPECT_EQ(poses_refused({12, 12, 3, 3}), "") << "half of them";
+    EXPECT_EQ(poses_refused({12, NAN, NAN}), "") << "the others are not known";
+    EXPECT_NE(poses_refused({12, 12, 3}).find("in 2 of 3 training photographs"), std::string::npos);
+    EXPECT_NE(poses_refused({INFINITY, INFINITY}).find("in 2 of 2"), std::string::npos);
+}
+
+TEST(CheckMasks, OneNeedsThePixelsOfAnObject) {
+    MaskLook look;
+    require_some_object(look);
+    look.masked = look.empties = 3;
+    EXPECT_THROW(require_some_object(look), Error);
+    look.empties = 2;
+    require_some_object(look);
+}
+
 }  // namespace
 }  // namespace tvsgs

@@ -12,6 +12,7 @@ namespace {
 constexpr int kLeast = 30;      // fewest observations to judge a view
 constexpr double kOutlier = 3;  // times the median residual
 constexpr int kUnknowns = 6;
+constexpr double kContradiction = 0.05;  // widths of the photograph that no pose explains
 
 /// Residual of an observation and its derivatives by the view's rotation and shift; px.
 struct Residual {
@@ -36,8 +37,9 @@ std::optional<Residual> residual_at(const Intrinsics& in, Vec3d p, Vec2<float> s
 }
 
 /// Root mean square in px of the points' shift by one least-squares step of the pose, after
-/// subtraction of the part that the observations' noise explains. NaN: too few observations.
-double pose_error(std::vector<Residual>& residuals) {
+/// subtraction of the part that the observations' noise explains. NaN: too few observations;
+/// infinite: more than `most_px` remain.
+double pose_error(std::vector<Residual>& residuals, double most_px) {
     const auto squared = [](const Residual& r) { return r.e[0] * r.e[0] + r.e[1] * r.e[1]; };
     if (residuals.empty()) return NAN;
     const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
@@ -65,6 +67,7 @@ double pose_error(std::vector<Residual>& residuals) {
             moved += step * step;
             left += (r.e[row] - step) * (r.e[row] - step);
         }
+    if (left > n * most_px * most_px) return INFINITY;
     const double by_noise = kUnknowns * left / (2 * n - kUnknowns);
     return std::sqrt(std::max(0.0, (moved - by_noise) / n));
 }
@@ -94,13 +97,19 @@ void measure_pose_errors(const ColmapPoints& points,
     for (std::size_t i = 0; i < views.size(); ++i) {
         const ColmapImage& image = *sources[i].image;
         residuals.clear();
-        for (const Seen& s : seen_by[i])
-            if (const auto r = residual_at(sources[i].intrinsics,
-                                           image.camera_from_world * points.positions[s.point],
-                                           image.observations[s.observation]))
+        std::size_t behind = 0;
+        for (const Seen& s : seen_by[i]) {
+            const Vec3d p = image.camera_from_world * points.positions[s.point];
+            behind += p.z <= 0;
+            if (const auto r =
+                    residual_at(sources[i].intrinsics, p, image.observations[s.observation]))
                 residuals.push_back(*r);
-        views[i].pose_error_px =
-            pose_error(residuals) * views[i].camera.width_px / sources[i].intrinsics.width_px;
+        }
+        const double most_px = kContradiction * sources[i].intrinsics.width_px;
+        const double scale = double(views[i].camera.width_px) / sources[i].intrinsics.width_px;
+        views[i].pose_error_px = behind >= kLeast && 2 * behind > seen_by[i].size()
+                                     ? INFINITY
+                                     : scale * pose_error(residuals, most_px);
     }
 }
 

@@ -23,9 +23,10 @@ bool is_background_at(const View& view, Vec3f point) {
     return true;
 }
 
-constexpr int kLeastSide = 8;    // px; patches are seven wide
-constexpr int kBlankLevels = 2;  // range of the levels of a blank photograph
-constexpr int kRows = 64;        // of a photograph that are read at most
+constexpr double kWrongPose = 0.1;  // widths of a photograph; no refinement mends it
+constexpr int kLeastSide = 8;       // px; patches are seven wide
+constexpr int kBlankLevels = 2;     // range of the levels of a blank photograph
+constexpr int kRows = 64;           // of a photograph that are read at most
 
 /// The bytes of evenly spaced rows.
 std::string sample_of(const ImageU8& photo) {
@@ -75,6 +76,27 @@ void check_photographs(const std::vector<View>& train) {
     if (!repeated.empty())
         spdlog::warn("{} of {} training photographs repeat others at another pose: {}; remove them",
                      repeated.size(), train.size(), repeated.front());
+}
+
+void check_poses(const std::string& scene, const std::vector<View>& train) {
+    const auto wrong = std::ranges::count_if(train, [](const View& view) {
+        return view.pose_error_px > kWrongPose * view.camera.width_px;
+    });
+    if (2 * std::size_t(wrong) <= train.size()) return;
+    throw input_error("E_POSES: ", scene, ": poses and points contradict each other: in ", wrong,
+                      " of ", train.size(),
+                      " training photographs the points lie behind the camera, or far from where "
+                      "the photograph shows them"
+                      "\n  Expected camera_from_world, x right, y down, z forward, not mirrored "
+                      "(docs/guide/input.md#conventions)."
+                      "\n  tvsgs-prepare finds new poses from the photographs.");
+}
+
+void require_some_object(const MaskLook& look) {
+    if (look.masked > 0 && look.empties == look.masked)
+        throw input_error("E_MASKS: all ", look.masked, " masks are empty (no pixel of ",
+                          int{kObjectMask},
+                          " or more); write masks as 0 and 255, or give --mask-use none");
 }
 
 void require_masks(const std::string& asked, const std::string& without, const MaskLook& look) {

@@ -10,6 +10,13 @@ namespace tvsgs {
 /// blank, or if all have the same pixels. Warns if some are blank, or repeat others.
 void check_photographs(const std::vector<View>& train);
 
+/// Throws Error(ExitCode::input) if most training views have a pose that contradicts the points
+/// that they saw. `scene`: for the message.
+void check_poses(const std::string& scene, const std::vector<View>& train);
+
+/// Throws Error(ExitCode::input) if no mask has a pixel of the object.
+void require_some_object(const MaskLook& look);
+
 /// Throws Error(ExitCode::input) where masks are required and missing, or a mask has no pixel of
 /// the object. `asked`: the option that requires them; `without`: the alternative; both for the
 /// message.

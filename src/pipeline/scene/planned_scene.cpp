@@ -119,10 +119,14 @@ void Preparation::read_views(bool resumed) {
     if (planned_) decide_settings(chosen);
 
     scene_ = load_scene(chosen, o);
-    if (!resumed) check_photographs(scene_.train);
+    if (!resumed) check_photographs(scene_.train), check_poses(o.path, scene_.train);
     read_exposures(photometric_, scene_.train);
     read_fixed_points(options_, scene_);
-    if (planned_) apply(decide_masks(look_at_masks(scene_.train, scene_.points.positions)));
+    if (planned_) {
+        const MaskLook masks = look_at_masks(scene_.train, scene_.points.positions);
+        if (!pinned("loss.photometric.masks")) require_some_object(masks);
+        apply(decide_masks(masks));
+    }
     check_masks(photometric_, scene_.train);
     // Before stereo: masks of an object need coverage.
     check_consistency(options_.train, planned_);
