@@ -44,6 +44,7 @@ std::vector<Vec3f> inside_of(const Crop& crop, const std::vector<Vec3f>& points,
 
 MeasureOptions of_truth(MeasureOptions options) {
     if (options.point_samples == 0) options.seed += 0x9E3779B97F4A7C15ull;
+    options.truth = true;
     return options;
 }
 
@@ -100,13 +101,17 @@ MeasuredSurface read_measured(const std::string& path,
     if (dropped > 0)
         spdlog::warn("{}: dropped {} {} that are not finite{}", path, grouped(dropped),
                      is_mesh ? "vertices" : "points", is_mesh ? ", and their faces" : "");
-    spdlog::info("{}: {} {}{}", path, grouped(result.from.points.size()),
+    const std::size_t left_out = is_mesh ? 0 : read.size() - dropped - result.from.points.size();
+    if (options.truth && ply.is_splats)
+        spdlog::warn("{}: splats as the truth; were --pred and --gt swapped?", path);
+    spdlog::info("{}: {} {}{}{}", path, grouped(result.from.points.size()),
                  is_mesh         ? "samples of the mesh"
                  : ply.is_splats ? "splat centres"
                                  : "points",
                  result.to.triangles().empty()
                      ? ""
-                     : str(" of ", grouped(result.to.triangles().size()), " triangles"));
+                     : str(" of ", grouped(result.to.triangles().size()), " triangles"),
+                 left_out > 0 ? str(" inside the crop, ", grouped(left_out), " outside") : "");
     return result;
 }
 

@@ -122,6 +122,7 @@ struct MeasureOptions {
     std::uint64_t seed = 0;
     std::string crop_path;  // for messages
     Vec3d origin{};         // origin of the result's frame; files and crop have theirs at zero
+    bool truth = false;     // see of_truth()
 };
 
 /// Options for the truth: it uses other sampling lines, so that its error is independent.
