@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "core/device/threads.h"
+#include "core/math/quantile.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
@@ -26,6 +27,28 @@ constexpr std::size_t kViewFacesHere = 100'000;
 
 JsonValue read_json(const std::string& path) {
     return parse_json_value(read_bytes(path), path);
+}
+
+/// Sides of the box of the points.
+JsonValue size_of(const std::vector<Vec3f>& points) {
+    Vec3f low = points.front(), high = low;
+    for (const Vec3f p : points)
+        for (int a = 0; a < 3; ++a)
+            low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
+    const Vec3d size = vec_cast<double>(high - low);
+    return std::vector{size.x, size.y, size.z};
+}
+
+/// What a pixel covers at the splats that the training views see; median. 0: they see none.
+double pixel_at(const Gaussians<Cpu>& splats, const std::vector<ViewCamera>& cameras) {
+    constexpr int kSample = 1000;  // splats
+    std::vector<double> sizes;
+    for (const ViewCamera& view : cameras)
+        for (int i = 0; !view.test && i < splats.size(); i += 1 + splats.size() / kSample)
+            if (const Vec3f mean = splats.means[i]; is_in_view(view.camera, mean))
+                sizes.push_back(
+                    double((view.camera.camera_from_world * mean).z / view.camera.fx_px));
+    return quantile(sizes, 0.5);
 }
 
 /// One list per column: shorter than an object per line, and ready for plots.
@@ -217,7 +240,14 @@ private:
             std::ranges::count_if(subject.cameras, [](const ViewCamera& c) { return !c.test; });
         report_.set("training_views", training);
         ViewRun& run = subject.runs.front();
-        if (run.mesh_faces > 0) report_.set("mesh", JsonValue().add("faces", run.mesh_faces));
+        if (run.mesh_faces > 0)
+            report_.set("mesh", JsonValue()
+                                    .add("faces", run.mesh_faces)
+                                    .add("size", size_of(run.mesh.vertices))
+                                    .add("unit", subject.metres ? "metres" : "units"));
+        if (const std::string file = scene_.path + "/prepare.json"; is_file(file))
+            report_.set("placement", read_json(file)["georeference"]);
+        report_.set("pixel", pixel_at(run.splats, subject.cameras));
         if (static_cast<std::size_t>(training) > kMaxCoverageViews)
             missing_.push_back(str("coverage: measured for at most ", kMaxCoverageViews,
                                    " training views, this run has ", training));

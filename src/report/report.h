@@ -73,9 +73,9 @@ JsonValue coverage_json(const Gaussians<Cpu>& splats, const std::vector<ViewCame
 /// The first lines of a report: results, their quality, its limits, and which photographs to take
 /// next. Each sentence gives the number that it is based on.
 struct RunVerdict {
-    std::string what;                 // views, splats, iterations, seconds, device
-    std::string level;                // "good", "fair" or "poor"; empty: not measured
-    std::string quality;              // the measurements, and the thresholds of the levels
+    std::string what;     // views, splats, iterations, seconds, device; size and detail of the mesh
+    std::string level;    // "good", "fair" or "poor"; empty: not measured
+    std::string quality;  // the measurements, and the thresholds of the levels
     std::vector<std::string> limits;  // measured reasons that limit the quality; may be empty
     std::vector<std::string> next;    // photographs to take
     std::string left_out;             // steps that the plan left out; empty: no plan

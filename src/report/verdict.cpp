@@ -71,7 +71,33 @@ private:
             text += str(" and a mesh of ", grouped(count(faces)), " triangles");
         if (s["iteration"]) text += str(", in ", grouped(count(s["iteration"])), " iterations");
         if (s["seconds"]) text += str(" and ", number(s["seconds"]), " s of training");
-        return str(text, ", on ", report_["run"]["device"].text_or("an unknown device"), ".");
+        return str(text, ", on ", report_["run"]["device"].text_or("an unknown device"), ".",
+                   size());
+    }
+
+    /// How large, how fine and how complete the mesh is.
+    std::string size() const {
+        std::string text;
+        const JsonValue& mesh = report_["mesh"];
+        const std::string unit = " " + mesh["unit"].text;
+        if (const auto& sides = mesh["size"].items; sides.size() == 3)
+            text += str(" The mesh measures ", number(sides[0]), " x ", number(sides[1]), " x ",
+                        number(sides[2]), unit, mesh["unit"].text == "units" ? " of the scene" : "",
+                        ".");
+        if (const double pixel = report_["pixel"].number_or(0); pixel > 0 && !text.empty())
+            text += str(" One pixel covers about ", short_number(pixel, 2), unit,
+                        " of it; finer detail is not measured.");
+        const JsonValue &place = report_["placement"], &checked = place["checkpoint_rmse_m"];
+        if (place["rmse_m"])
+            text += str(
+                " Control points or EXIF places fit to ", number(place["rmse_m"], 2), " m",
+                checked ? str("; checkpoints, which took no part, to ", number(checked, 2), " m")
+                        : "",
+                ".");
+        if (const JsonValue& two = coverage_["two"])
+            text += str(" Two or more training views see ", percent(two.number),
+                        " of the surface that they show.");
+        return text;
     }
 
     /// The geometry of the mesh before the geometry of the centres; a later measurement before the

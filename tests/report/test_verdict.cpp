@@ -119,6 +119,14 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
         R"({"summary": {"event": "done"}, "coverage": {"two": 0.97, "views": [], "test": [],
             "gap": {"a": "a", "b": "b", "angle_deg": 12, "shared": 0.8}}})");
     EXPECT_TRUE(well.limits.empty()) << all(well.limits);
+    const std::string what =
+        verdict(R"({"mesh": {"faces": 9, "size": [1, 2.5, 3], "unit": "metres"},
+        "pixel": 0.0123, "coverage": {"two": 0.97},
+        "placement": {"rmse_m": 0.02, "checkpoint_rmse_m": 0.05}})")
+            .what;
+    for (const char* part : {"measures 1 x 2.5 x 3 metres", "covers about 0.012 metres", "see 97 %",
+                             "fit to 0.02 m; checkpoints, which took no part, to 0.05 m"})
+        EXPECT_NE(what.find(part), std::string::npos) << part << " is not in " << what;
     EXPECT_NE(all(well.next).find("No gap was found: 97 %"), std::string::npos) << all(well.next);
 }
 
