@@ -181,6 +181,8 @@ TEST_F(Config, WrongTypesAndValues) {
     EXPECT_EQ(options.range, 0.5f);
     table.set("tv.whiten", "off", "--set");
     EXPECT_FALSE(options.whiten);
+    table.set("tv.whiten", "True", "--set");  // as Python prints it
+    EXPECT_TRUE(options.whiten);
 }
 
 TEST_F(Config, WholeNumbersMayHaveAnExponent) {

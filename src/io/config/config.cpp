@@ -92,6 +92,7 @@ bool accepted(const Option& option, std::string_view value, std::string& text) {
     text = trimmed(value);
     switch (option.kind) {
         case Option::Kind::boolean:
+            text = lower_case(text);
             for (const char* yes : {"true", "1", "on", "yes"})
                 if (text == yes) return text = "true", true;
             for (const char* no : {"false", "0", "off", "no"})
