@@ -21,7 +21,7 @@ void run_train(const std::vector<std::string>& words) {
     std::vector<char*> argv;
     for (std::string& word : copied) argv.push_back(word.data());
     argv.push_back(nullptr);
-    train_command(int(words.size()), argv.data());
+    train_command(int(words.size()), argv.data(), true);
 }
 
 RunOptions whole_options(const BlocksManifest& manifest, const std::vector<std::string>& settings) {

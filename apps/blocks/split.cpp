@@ -49,7 +49,8 @@ void require_free_folder(const std::string& out) {
 /// Trains the coarse run in BLOCKS/coarse, or resumes it.
 std::string train_coarse(const SplitArguments& a) {
     const std::string run = a.out + "/coarse";
-    spdlog::info("Training the coarse run in {}", run);
+    spdlog::info(
+        "Trains a coarse run of the whole scene first, in {}; --set iterations=N shortens it", run);
     std::vector<std::string> words{"tvsgs-train"};
     words.insert(words.end(), {"--scene", a.scene, "--out", run, "-r", str(a.coarse_resolution),
                                "--device", a.device, "--max-gaussians", str(a.coarse_splats)});

@@ -182,14 +182,18 @@ std::string plan_json(const RunPlan& plan, const TrainArguments& arguments) {
 }
 
 /// The scene, the machine and the plan, in two lines.
-void log_start(const Resolved& run, const DeviceChoice& device, const MemoryPlan& memory) {
+void log_start(const Resolved& run,
+               const DeviceChoice& device,
+               const MemoryPlan& memory,
+               std::int64_t disk) {
     const Scene& scene = run.scene;
     const Camera& camera = scene.train.front().camera;
-    spdlog::info("{}: {} training and {} test photographs, {}x{}; {} start points. {}, needs {}.",
-                 scene.path, scene.train.size(), scene.test.size(), camera.width_px,
-                 camera.height_px, grouped(scene.points.positions.size()),
-                 device.cuda ? device.description : "CPU",
-                 bytes_text(double(memory.first_bytes())));
+    spdlog::info(
+        "{}: {} training and {} test photographs, {}x{}; {} start points. {}, {} of memory, {} of "
+        "disk.",
+        scene.path, scene.train.size(), scene.test.size(), camera.width_px, camera.height_px,
+        grouped(scene.points.positions.size()), device.cuda ? device.description : "CPU",
+        bytes_text(double(memory.first_bytes())), bytes_text(double(disk)));
     if (!run.plan.empty()) spdlog::info("Plan: {}. Why: --plan", run.plan.brief());
     spdlog::debug("Memory: {}; extent of the scene {:.4g}", memory.text(), double(scene.extent));
 }
@@ -232,9 +236,10 @@ void print_plan(const Resolved& run, const DeviceChoice& device) {
 
 }  // namespace
 
-int train_command(int argc, char* const* argv) {
+int train_command(int argc, char* const* argv, bool for_blocks) {
     // 1. The options that the user asks for.
     TrainArguments arguments = parse_train_arguments(argc, argv);
+    arguments.session.for_blocks = for_blocks;
     const Configuration& asked = arguments.asked;
     Resume& resume = arguments.resume;
     if (arguments.list_keys) {
@@ -243,10 +248,14 @@ int train_command(int argc, char* const* argv) {
     }
     check_train_arguments(arguments);
     const DeviceChoice device = choose_device(arguments.device);
+    if (!device.cuda && !asked.options.memory.gpu.empty())
+        spdlog::warn("--gpu-memory is not used: the training runs on the CPU");
     const EvaluationOptions& eval = asked.options.eval;
     const std::optional<Truth> truth =
         read_truth(eval, eval.gt.empty() ? Vec3d{} : read_scene_origin(asked.options.scene));
     const std::optional<Georeference> georeference = read_georeference(asked.options.scene.path);
+    std::optional<FolderClaim> claim;
+    if (!arguments.plan && !resume.in_place()) claim.emplace(arguments.out);
 
     // 2. The scene, and the options that it needs.
     Resolved resolved = resume.point ? resolve_resumed(device, asked, *resume.point)
@@ -267,7 +276,12 @@ int train_command(int argc, char* const* argv) {
         resume.point ? changed_values(resume.configured, asked.table) : JsonValue();
     const JsonValue info = run_info(device, arguments, changed);
     const std::string plan = plan_json(resolved.plan, arguments);
+    claim.reset();
+    const int every = arguments.session.checkpoint_every,
+              checkpoints = 1 + (every > 0 ? std::min(training.iterations / every, 2) : 0);
+    const std::int64_t disk = disk_bytes(first, training.model.sh_degree, checkpoints);
     RunFolder run(arguments.out, resume.point && resume.in_place() ? resume.done() : -1);
+    require_disk(run.path(), disk);
     run.save_config(config_json(resolved.options, info));
     write_text_file(run.path() + "/memory.json", memory.json() + "\n");
     if (!plan.empty()) write_text_file(run.path() + "/plan.json", plan);
@@ -275,7 +289,7 @@ int train_command(int argc, char* const* argv) {
     write_sky(run.path(), training.loss.photometric);
     log_resume(resume, changed, run);
     run.save_cameras(resolved.scene);
-    log_start(resolved, device, memory);
+    log_start(resolved, device, memory, disk);
 
     // 4. The training. It gets the checkpoint's state for itself, to free it early.
     bool has_report = false;
@@ -291,6 +305,7 @@ int train_command(int argc, char* const* argv) {
                                                  report_if_possible(run.path(), resolved.scene);
                                 }};
     run_session(device, session, resume.point ? std::move(resume.point->state) : nullptr, run);
+    if (for_blocks) return 0;
     spdlog::info("Wrote {}: {}point_cloud.ply", run.path(), has_report ? "report.html, " : "");
     say_next({"tvsgs-extract-mesh", run.path()}, "make the mesh");
     return 0;

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <mutex>
 #include <random>
+#include <thread>
 
 #include "core/log.h"
 #include "io/files/read_file.h"
@@ -185,10 +186,25 @@ private:
     httplib::Server server_;
 };
 
+/// Waits while a training prepares its run folder.
+void wait_for_start(const std::string& run) {
+    std::error_code code;
+    const auto prepares = [&] {
+        return !fs::exists(run + "/cameras.json", code) && FolderLock(run).held();
+    };
+    if (!prepares()) return;
+    spdlog::info("{}: the training reads its scene; the address follows", run);
+    // The lock changes hands when the folder is written.
+    for (int free = 0; free < 3; free = prepares() ? 0 : free + 1)
+        std::this_thread::sleep_for(std::chrono::milliseconds(200));
+}
+
 }  // namespace
 
 void serve(const ViewInput& input, const ViewPageOptions& options, int port) {
-    run_config_path(input.runs.front());  // reports a missing run before there is an address
+    const std::string& run = input.runs.front();
+    wait_for_start(run);
+    run_config_path(run);  // reports a missing run before there is an address
     Server(input, options).listen(port);
 }
 

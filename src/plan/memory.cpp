@@ -136,6 +136,13 @@ MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda) {
     return limits;
 }
 
+std::int64_t disk_bytes(std::int64_t splats, int sh_degree, int checkpoints) {
+    const std::int64_t parameters = 11 + 3 * std::int64_t{sh_count(sh_degree)};
+    constexpr std::int64_t kNormal = 3, kStates = 3, kOthers = 30;  // Adam has two moments
+    const std::int64_t ply = parameters + kNormal, checkpoint = kStates * parameters + kOthers;
+    return splats * std::int64_t{sizeof(float)} * (ply + checkpoints * checkpoint);
+}
+
 std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits) {
     return std::min(fitting(needs.buffers, limits.device), fitting(needs.host, limits.host));
 }

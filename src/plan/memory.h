@@ -60,6 +60,10 @@ double share_in_view(const Scene& scene);
 /// Bytes per splat that one render keeps for its backward pass.
 std::int64_t view_bytes_per_splat(double share_in_view);
 
+/// Bytes of the files of a training without growth: splats, and the checkpoints that exist at one
+/// time.
+std::int64_t disk_bytes(std::int64_t splats, int sh_degree, int checkpoints);
+
 /// Number of splats that fit into `limits`.
 std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits);
 

@@ -51,6 +51,7 @@ protected:
         for (int block = 1; block <= kBlocks; ++block) {
             const Result run = train("blocks", block);
             ASSERT_EQ(run.code, 0) << run;
+            EXPECT_FALSE(run.says("tvsgs-extract-mesh")) << "blocks come first: " << run;
         }
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }

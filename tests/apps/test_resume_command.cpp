@@ -373,17 +373,34 @@ TEST_F(ResumeCommand, NumericalFailure) {
     EXPECT_TRUE(splats("diverging", 60).empty());
 }
 
+TEST_F(ResumeCommand, AMovedFolderIsFollowed) {
+    const pid_t child =
+        start("--config config.json --iterations 1000000 --report-every 1 --live 1 --out here");
+    EXPECT_TRUE(until([&] { return !contents(folder_ / "here/live/state.json").empty(); }));
+    fs::rename(folder_ / "here", folder_ / "there");
+    const std::string log = contents(folder_ / "there/log.jsonl");
+    EXPECT_TRUE(
+        until([&] { return contents(folder_ / "there/log.jsonl").size() > log.size() + 2000; }));
+    ::kill(child, SIGTERM);
+    EXPECT_EQ(wait_for(child), 143);
+    EXPECT_FALSE(fs::exists(folder_ / "here"));
+    EXPECT_EQ(checkpoints("there").size(), 1u);
+}
+
 TEST_F(ResumeCommand, OneProcessPerFolder) {
     const pid_t child =
         start("--config config.json --iterations 1000000 --report-every 1 --out busy");
     EXPECT_TRUE(until([&] { return !contents(folder_ / "busy/log.jsonl").empty(); }));
-    for (const char* how : {"--overwrite", "--resume"}) {
+    for (const char* how : {"--overwrite", "--resume", ""}) {
         const Result r = shell(std::string(kTrain) + " --config config.json --device cpu " + how +
                                " --out busy >out.txt 2>err2.txt");
         EXPECT_EQ(r.code, 2);
         EXPECT_NE(contents(folder_ / "err2.txt").find("another tvsgs-train writes there"),
                   std::string::npos);
     }
+    const Result mesh = run_tool(folder_, "extract-mesh", "busy");
+    EXPECT_EQ(mesh.code, 3);
+    EXPECT_TRUE(mesh.says("it is training; wait for the end")) << mesh;
     ::kill(child, SIGTERM);
     EXPECT_EQ(wait_for(child), 143);
     EXPECT_EQ(checkpoints("busy").size(), 1u);

@@ -12,6 +12,7 @@
 #include "io/files/json_value.h"
 #include "io/splats/ply.h"
 #include "io/splats/splat_files.h"
+#include "pipeline/run/run_folder.h"
 #include "support/browser.h"
 #include "support/command.h"
 #include "support/random_gaussians.h"
@@ -165,8 +166,30 @@ TEST_F(ViewServer, TellsOfATrainingAndOfItsEnd) {
     EXPECT_EQ(state()["finished"].number, 1);
     const auto after = c.Get("/", let_in());
     ASSERT_TRUE(before && after);
-    EXPECT_NE(before->body.find("0 splats"), std::string::npos);
+    EXPECT_NE(before->body.find("<p class=\"quiet\">1 camera.</p>"), std::string::npos);
     EXPECT_NE(after->body.find("78 splats"), std::string::npos);
+}
+
+/// As typed into two terminals, the second one at once.
+TEST_F(ViewServer, WaitsForATrainingThatReadsItsScene) {
+    const fs::path run = folder_ / "begun";
+    fs::create_directories(run);
+    std::optional<FolderLock> lock(run);
+    std::thread trainer([&] {
+        std::this_thread::sleep_for(500ms);
+        for (const char* name : {"config.json", "cameras.json"})
+            fs::copy_file(folder_ / "run" / name, run / name);
+    });
+    const Result served = run_script(
+        folder_, "timeout -s INT 3 " TVSGS_BIN_DIR "/tvsgs-view begun >out.txt 2>err.txt");
+    trainer.join();
+    EXPECT_TRUE(served.says("the training reads its scene")) << served;
+    EXPECT_EQ(served.out.find("http://127.0.0.1:"), 0u) << served;
+    lock.reset();
+    fs::remove(run / "cameras.json"), fs::remove(run / "config.json");
+    const Result none =
+        run_script(folder_, "timeout 20 " TVSGS_BIN_DIR "/tvsgs-view begun >out.txt 2>err.txt");
+    EXPECT_EQ(none.code, 3) << "nobody trains there";
 }
 
 TEST_F(ViewServer, APortHasOneServer) {

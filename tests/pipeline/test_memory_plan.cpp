@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "optim/losses/loss.h"
+#include "pipeline/run/run_folder.h"
 #include "plan/decide.h"
+#include "plan/memory.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"
 
@@ -225,6 +227,21 @@ TEST(Machines, OnACpuTheHostsMemoryCounts) {
     // Also on a GPU, where host memory is short.
     in = inputs(1000, {std::int64_t{1} << 40, 1000});
     EXPECT_NE(decide_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
+}
+
+/// 2,394 splats of degree 3: a checkpoint of 1,972,655 bytes and a PLY of 595,261.
+TEST(Disk, IsEstimatedAndRequired) {
+    EXPECT_NEAR(double(disk_bytes(2394, 3, 1)), 1972655 + 595261, 30000);
+    EXPECT_GT(disk_bytes(2394, 3, 2), disk_bytes(2394, 3, 1) + 1900000);
+    EXPECT_LT(disk_bytes(2394, 0, 1), disk_bytes(2394, 3, 1) / 2);
+    const std::string folder = testing::TempDir();
+    require_disk(folder, 1);
+    try {
+        require_disk(folder, std::int64_t{1} << 60);
+        FAIL() << "no disk has that much";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::io);
+    }
 }
 
 TEST(Machines, ExpectedSplats) {

@@ -92,7 +92,7 @@ TEST_F(Memory, EstimatesAreNearTheMeasuredPeak) {
                 "--set loss.normal.start=1 --set init.min_points=0 --out " +
                 run);
             ASSERT_EQ(r.code, 0) << r;
-            EXPECT_TRUE(r.says("start points. CPU, needs ")) << "told before the first step: " << r;
+            EXPECT_TRUE(r.says(" of memory, ")) << "told before the first step: " << r;
             const auto peak = last_line(run).at("peak_bytes").get<double>();
             const auto estimate = static_cast<double>(at(plan(run).at("device"), most_splats(run)));
             // Never too little. Too much, as lists of tiles vary with the view, buffers grow by

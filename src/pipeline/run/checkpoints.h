@@ -55,6 +55,8 @@ public:
 
     void save(int done, double seconds, const SharedState& state);
 
+    void set_run(std::string run) { run_ = std::move(run); }
+
     /// Sets the text to store in later checkpoints.
     void set_config(std::string config) { config_ = std::move(config); }
 

@@ -27,6 +27,8 @@ public:
     bool due();
     void write(int iteration, int iterations, double seconds, Gaussians<Cpu>&& splats);
 
+    void set_run(std::string run) { run_ = std::move(run); }
+
     /// Waits and removes the files: viewers then show the results.
     void finish();
 

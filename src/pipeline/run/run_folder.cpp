@@ -2,14 +2,17 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <thread>
 #include <vector>
 
 #include "core/error.h"
@@ -19,6 +22,7 @@
 #include "io/files/read_file.h"
 #include "pipeline/run/refined_cameras.h"
 #include "plan/decide.h"
+#include "plan/figures.h"
 #include "plan/settings.h"
 
 namespace tvsgs {
@@ -169,6 +173,12 @@ void require_scene_of_run(const std::string& run, const Scene& scene) {
                           "training, in the same frame");
 }
 
+[[noreturn]] void refuse_used_folder(const std::string& path) {
+    throw Error(ExitCode::usage, path,
+                ": another tvsgs-train writes there; wait for it, or choose another folder with "
+                "--out");
+}
+
 }  // namespace
 
 bool lies_in(const fs::path& path, const fs::path& folder) {
@@ -185,7 +195,7 @@ void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
                     const SceneOptions& scene) {
     if (is_stream(out)) return;
-    const std::string found = fs::path(out).extension();
+    const std::string found = lower_case(fs::path(out).extension().string());
     if (std::ranges::find(extensions, found) == extensions.end()) {
         std::string expected;
         for (auto e = extensions.begin(); e != extensions.end(); ++e)
@@ -236,6 +246,7 @@ void require_free_run_folder(const std::string& path,
                     entry, ", which a run would replace; choose an empty or new folder with --out");
         return;
     }
+    if (FolderLock(path).held()) refuse_used_folder(path);
     if (!replace && !go_on)
         throw Error(ExitCode::usage, path,
                     ": holds another run; choose a new folder with --out, or "
@@ -253,21 +264,58 @@ void require_free_run_folder(const std::string& path,
 
 FolderLock::FolderLock(const std::string& folder)
     : lock_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    held_ = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    const auto is_taken = [this] {
+        return lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    };
+    // Another process may only be testing the lock.
+    for (int attempt = 0; (held_ = is_taken()) && attempt < 3; ++attempt)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+}
+
+std::string FolderLock::place() const {
+    std::error_code code;
+    const fs::path place = fs::read_symlink(str("/proc/self/fd/", lock_), code);
+    struct stat here, there;
+    return !code && fstat(lock_, &here) == 0 && stat(place.c_str(), &there) == 0 &&
+                   here.st_ino == there.st_ino
+               ? place.string()
+               : "";
 }
 
 FolderLock::~FolderLock() {
     if (lock_ >= 0) close(lock_);
 }
 
+FolderClaim::FolderClaim(const std::string& path) {
+    std::error_code code;
+    for (fs::path folder = fs::absolute(path, code).lexically_normal();
+         !folder.empty() && !fs::exists(folder, code) && folder != folder.parent_path();
+         folder = folder.parent_path())
+        made_.push_back(folder.string());
+    fs::create_directories(path, code);  // RunFolder reports a failure
+    lock_.emplace(path);
+}
+
+FolderClaim::~FolderClaim() {
+    std::error_code code;
+    for (const std::string& folder : made_)
+        if (fs::is_empty(folder, code)) fs::remove(folder, code);
+}
+
+void require_disk(const std::string& path, std::int64_t bytes) {
+    std::error_code code;
+    const fs::space_info space = fs::space(path, code);
+    if (!code && space.available < std::uintmax_t(bytes))
+        throw Error(ExitCode::io, path, ": the disk has ", bytes_text(double(space.available)),
+                    " free, and splats and checkpoints need ", bytes_text(double(bytes)),
+                    "; free space, or choose another folder with --out");
+}
+
 RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     const fs::path folder(path);
     std::error_code code;
     fs::create_directories(folder, code);
-    if (lock_.emplace(path).held())
-        throw Error(ExitCode::usage, path,
-                    ": another tvsgs-train writes there; wait for it, or "
-                    "choose another folder with --out");
+    if (lock_.emplace(path).held()) refuse_used_folder(path);
     const bool go_on = done >= 0;
     if (!code) remove_leftovers(folder);
     if (!code && go_on) {
@@ -286,6 +334,16 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
 
 RunFolder::~RunFolder() {
     if (log_ != nullptr) std::fclose(log_);
+}
+
+bool RunFolder::follow() {
+    std::error_code code;
+    const std::string place = lock_->place();
+    if (place.empty())
+        throw Error(ExitCode::io, path_, ": was removed during the training; start it again");
+    if (fs::equivalent(place, path_, code)) return false;
+    path_ = place;
+    return true;
 }
 
 void RunFolder::save_config(const std::string& json) const {
@@ -356,10 +414,11 @@ std::string find_splats(const std::string& path) {
     if (fs::is_regular_file(path, code)) return path;
     const int best = newest_splats(path);
     if (best < 0 && fs::is_regular_file(path + "/config.json", code))
-        throw input_error(path,
-                          ": no splats yet; wait for the end of the training, or continue a "
-                          "stopped one with tvsgs-train --resume ",
-                          path);
+        throw input_error(
+            path, ": no splats yet; ",
+            FolderLock(path).held()
+                ? str("it is training; wait for the end")
+                : str("continue the stopped training with tvsgs-train --resume ", path));
     if (best < 0)
         throw input_error(path,
                           ": no splats; expected a splat PLY, or a run folder with "

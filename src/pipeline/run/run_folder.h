@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/scene/gaussians.h"
 #include "core/scene/scene.h"
@@ -45,11 +46,30 @@ public:
     FolderLock& operator=(const FolderLock&) = delete;
     ~FolderLock();
     bool held() const { return held_; }
+    /// Where the folder is now; empty: it was removed.
+    std::string place() const;
 
 private:
     int lock_ = -1;
     bool held_ = false;
 };
+
+/// Makes a folder and locks it while the scene is read, so that other processes see that a run
+/// begins there. Removes the folders that it made, if they are empty at the end.
+class FolderClaim {
+public:
+    explicit FolderClaim(const std::string& path);
+    FolderClaim(const FolderClaim&) = delete;
+    FolderClaim& operator=(const FolderClaim&) = delete;
+    ~FolderClaim();
+
+private:
+    std::vector<std::string> made_;  // innermost first
+    std::optional<FolderLock> lock_;
+};
+
+/// Throws Error(ExitCode::io) if the disk of this folder has less free space.
+void require_disk(const std::string& path, std::int64_t bytes);
 
 class RunFolder {
 public:
@@ -61,6 +81,9 @@ public:
     ~RunFolder();
 
     const std::string& path() const { return path_; }
+    /// Updates path() if somebody has moved the folder, and returns whether that is so. Throws
+    /// Error(ExitCode::io) if it was removed.
+    bool follow();
     void save_config(const std::string& json) const;
 
     /// Writes cameras.json in the layout of 3DGS: training views first, then test views.

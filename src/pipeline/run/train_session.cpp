@@ -89,6 +89,7 @@ private:
                    step % in_.session.report_every == 0;
         };
         told.on_report = [this](const TrainReport& report) {
+            follow_folder();
             run_.log(progress_.json(report));
             progress_.show(report);
         };
@@ -121,6 +122,13 @@ private:
         Gaussians<Cpu> now;
         copy(splats, now);
         live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
+    }
+
+    void follow_folder() {
+        if (!run_.follow()) return;
+        checkpoints_.set_run(run_.path());
+        live_.set_run(run_.path());
+        spdlog::warn("The run folder was moved; the training goes on in {}", run_.path());
     }
 
     bool stop_requested() {
@@ -165,9 +173,9 @@ private:
                      .add("iteration", done_)
                      .add("seconds", progress_.seconds())
                      .add("iterations", training_.iterations));
-        spdlog::info("After {:.1f} s: {} iterations fit into {:g} s at this speed",
-                     progress_.seconds(), grouped(training_.iterations),
-                     double(in_.options.plan.time_budget));
+        spdlog::debug("After {:.1f} s: {} iterations fit into {:g} s at this speed",
+                      progress_.seconds(), grouped(training_.iterations),
+                      double(in_.options.plan.time_budget));
     }
 
     std::string config() const { return config_json(configured_, in_.info); }
@@ -175,6 +183,7 @@ private:
     // After the training, which took `seconds`.
 
     void finish(const Gaussians<Device>& trained, double seconds) {
+        follow_folder();
         finish_budget(seconds);
         Gaussians<Cpu> splats;
         copy(trained, splats);
@@ -250,7 +259,10 @@ private:
                          grouped(training_.iterations), run_.path());
             run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
             if (!last) throw Error(ExitCode::io, checkpoints_.failure());
-            spdlog::warn("Continue with:\n    tvsgs-train --resume {}", run_.path());
+            if (in_.session.for_blocks)
+                spdlog::warn("The same tvsgs-blocks command continues it");
+            else
+                spdlog::warn("Continue with:\n    tvsgs-train --resume {}", run_.path());
         }
     }
 

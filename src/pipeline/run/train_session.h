@@ -18,6 +18,7 @@ struct SessionOptions {
     int checkpoint_every = 5000;  // iterations; 0: only when the run is stopped
     bool profile = false;         // seconds per stage in log.jsonl
     double live_every = 0;        // seconds between snapshots for tvsgs-view; 0: none
+    bool for_blocks = false;      // a part of tvsgs-blocks, which continues it
 };
 
 /// References must outlive the session.
