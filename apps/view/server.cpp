@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxRequestBytes = 1024;  // of a body; no request needs one
 constexpr int kSeconds = 5;                     // timeout of reads and writes
+constexpr std::size_t kThreads = 32;
 
 /// 128 random bits of the system.
 std::string make_token() {
@@ -55,6 +56,8 @@ public:
     }
 
     void listen(int port) {
+        // Connections that send nothing each hold a thread until the timeout.
+        server_.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
         server_.set_payload_max_length(kMaxRequestBytes);
         server_.set_read_timeout(kSeconds);
         server_.set_write_timeout(kSeconds);

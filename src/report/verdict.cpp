@@ -86,7 +86,7 @@ private:
                         ".");
         if (const double pixel = report_["pixel"].number_or(0); pixel > 0 && !text.empty())
             text += str(" One pixel covers about ", short_number(pixel, 2), unit,
-                        " of it; finer detail is not measured.");
+                        " of it; finer detail is not resolved.");
         const JsonValue &place = report_["placement"], &checked = place["checkpoint_rmse_m"];
         if (place["rmse_m"])
             text += str(

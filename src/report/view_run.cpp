@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/log.h"
 #include "core/math/quantile.h"
 #include "core/scene/scene.h"
 #include "io/files/read_file.h"
@@ -111,8 +112,11 @@ EvaluationOptions truth_options(const EvaluationOptions& of_run, const std::stri
     for (const char* name : {"geometry", "geometry_centres"}) {
         const std::string path = str(run, "/eval/", name, ".json");
         if (!is_file(path) || !options.gt.empty()) continue;
-        const JsonValue inputs = parse_json_value(read_bytes(path), path)["inputs"];
-        options.gt = inputs["gt"].text, options.crop = inputs["crop"].text;
+        const JsonValue measured = parse_json_value(read_bytes(path), path);
+        options.gt = measured["inputs"]["gt"].text, options.crop = measured["inputs"]["crop"].text;
+        options.taus.clear();
+        for (const JsonValue& at : measured["thresholds"].items)
+            options.taus += str(options.taus.empty() ? "" : ",", at["tau"].number);
     }
     return options;
 }
@@ -165,6 +169,28 @@ ViewRun read_run(const std::string& path, const ViewInput& input, ViewSubject& s
         },
         input.whole, missing);
     return run;
+}
+
+/// Whether a camera of the run has name and place of one on the page.
+bool share_a_camera(const ViewSubject& subject, const std::string& run) {
+    ViewSubject other;
+    read_cameras(run, other);
+    const auto centre = [](const ViewSubject& of, const ViewCamera& c) {
+        return vec_cast<double>(camera_centre(c.camera)) + of.origin;
+    };
+    Vec3d middle;
+    double radius = 0;
+    for (const ViewCamera& c : subject.cameras)
+        middle += centre(subject, c) / double(subject.cameras.size());
+    for (const ViewCamera& c : subject.cameras)
+        radius = std::max(radius, norm(centre(subject, c) - middle));
+    constexpr double kSame = 0.05;  // of the radius; poses may be refined
+    for (const ViewCamera& a : subject.cameras)
+        for (const ViewCamera& b : other.cameras)
+            if (a.name == b.name &&
+                norm(centre(subject, a) - centre(other, b)) <= kSame * radius + 1e-6)
+                return true;
+    return false;
 }
 
 /// A camera that looks at most of the splats along +z.
@@ -233,7 +259,12 @@ ViewSubject read_view_subject(const ViewInput& input) {
         add_photographs(subject.cameras, *input.loaded, kFewPhotos);
     else
         if_possible("photographs", read, input.whole, &subject.missing);
-    for (const std::string& run : input.runs) subject.runs.push_back(read_run(run, input, subject));
+    for (const std::string& run : input.runs) {
+        if (subject.runs.size() == 1 && !share_a_camera(subject, run))
+            spdlog::warn("{} and {} share no camera: are they runs of one scene?",
+                         input.runs.front(), run);
+        subject.runs.push_back(read_run(run, input, subject));
+    }
     return subject;
 }
 

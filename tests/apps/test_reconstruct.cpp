@@ -14,6 +14,7 @@
 #include "io/files/json_value.h"
 #include "io/io_test.h"
 #include "support/command.h"
+#include "support/console_quote.h"
 
 namespace tvsgs::reconstruct {
 namespace {
@@ -105,6 +106,12 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
           " units of the scene\n", "Mesh: my out/run/mesh/mesh.glb\nPage: my out/view.html",
           "tvsgs-export 'my out/run' splats.spz"})
         EXPECT_TRUE(r.says(part)) << part << r;
+
+    const std::string said = std::regex_replace(r.err + r.out, std::regex("my out"), "OUT");
+    for (const char* begin :
+         {"Cameras: ", "Training: ", "Reconstructed ", "Page: OUT", "Report: OUT"})
+        EXPECT_EQ(test::missing_quote(said, begin), "") << "quoted in start.md; " << said;
+    EXPECT_LE(std::count(said.begin(), said.end(), '\n'), 24);
 
     // The log has the output and the commands, ready for a shell.
     StageProgress progress(kTrain);

@@ -75,6 +75,14 @@ TEST_F(ViewCommand, TwoRunsAreInOnePage) {
     const Result result = run_tool(folder_, "view", "run other --out two.html --max-splats 100");
     ASSERT_EQ(result.code, 0) << result;
     EXPECT_TRUE(result.says("the 100 largest of")) << result;
+    EXPECT_FALSE(result.says("share no camera")) << result;
+    std::string cameras = contents(folder_ / "other/cameras.json");
+    for (std::size_t at = 0; (at = cameras.find(".png", at)) != std::string::npos;)
+        cameras.replace(at, 4, ".jpg");
+    std::ofstream(folder_ / "other/cameras.json") << cameras;
+    const Result apart = run_tool(folder_, "view", "run other --out two.html");
+    EXPECT_EQ(apart.code, 0) << apart;
+    EXPECT_TRUE(apart.says("run and other share no camera")) << apart;
     const std::string page = contents(folder_ / "two.html");
     EXPECT_NE(page.find("id=\"splats1\""), std::string::npos);
     EXPECT_NE(page.find("<h1>run beside other</h1>"), std::string::npos);
@@ -96,9 +104,13 @@ TEST_F(ViewCommand, WhatARunHasBeenMeasuredAgainstIsFound) {
     const Result measured = run_tool(
         folder_, "eval",
         "geometry --pred later/point_cloud/iteration_40/point_cloud.ply --gt scene/gt/points.ply "
+        "--tau 0.25,0.5 "
         "--out later/eval/geometry_centres.json");
     ASSERT_EQ(measured.code, 0) << measured;
-    EXPECT_NE(page_of_later().find("id=\"errors0\""), std::string::npos);
+    const std::string page = page_of_later();
+    EXPECT_NE(page.find("id=\"errors0\""), std::string::npos);
+    EXPECT_NE(page.find("1 and more"), std::string::npos)
+        << "twice the threshold of the evaluation";
 }
 
 TEST_F(ViewCommand, ARunThatHasLostItsSceneDoesWithoutPhotographs) {

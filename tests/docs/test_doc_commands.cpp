@@ -8,6 +8,7 @@
 #include <set>
 #include <sstream>
 
+#include "support/console_quote.h"
 #include "support/source_text.h"
 
 namespace tvsgs {
@@ -170,8 +171,8 @@ void thin_cloud(const fs::path& path) {
 }
 
 // Each page in a folder of its own, from top to bottom. The words that pages use are there: SCENE,
-// with priors; RUN, OTHER, runs/mine and runs/tv, trained on it and meshed; CONFIG.json, which
-// wants priors.
+// with priors; RUN, OTHER, runs/mine and runs/tv, trained on it and meshed; splats.ply;
+// CONFIG.json, which wants priors.
 TEST_F(DocCommands, OfTheGuideRun) {
     const fs::path base = folder_ / "base";
     fs::create_directories(base);
@@ -179,7 +180,8 @@ TEST_F(DocCommands, OfTheGuideRun) {
          {"tvsgs-synth --out SCENE --views 7 --test-views 2 --width 64 --height 48 --points 3000 "
           "--priors json",
           "tvsgs-train --scene SCENE --split train_all --out RUN", "tvsgs-extract-mesh --model RUN",
-          "cp -r SCENE/priors DIR && cp -r RUN OTHER && mkdir runs && cp -r RUN runs/mine && "
+          "cp RUN/point_cloud/*/point_cloud.ply splats.ply && cp -r SCENE/priors DIR && cp -r RUN "
+          "OTHER && mkdir runs && cp -r RUN runs/mine && "
           "cp -r RUN runs/tv"}) {
         const Result result = run(base, line);
         ASSERT_EQ(result.code, 0) << line << result;
@@ -216,6 +218,26 @@ TEST_F(DocCommands, OfTheGuideRun) {
         EXPECT_TRUE(std::any_of(left_out.begin(), left_out.end(),
                                 [&](const std::string& l) { return l.find(text) != l.npos; }))
             << "no line of the guide has '" << text << "' any more (" << reason << ")";
+}
+
+// The console output in start.md is the programs' own, but for numbers, and fits a terminal.
+TEST_F(DocCommands, TheConsoleIsQuotedAsItIs) {
+    const fs::path here = folder_ / "quoted";
+    fs::create_directories(here);
+    std::string output;
+    int lines = 0;
+    for (const DocCommand& command : commands_of(contents(kSource / "docs/guide/start.md"))) {
+        const bool trains = command.line.starts_with("tvsgs-train");
+        const Result result = run(here, command.line + (trains ? " --iterations 6" : ""));
+        ASSERT_EQ(result.code, 0) << result;
+        output += result.err;
+        lines = std::max(lines, int(std::count(result.err.begin(), result.err.end(), '\n')));
+        if (command.line.starts_with("tvsgs-extract-mesh")) break;
+    }
+    EXPECT_LE(lines, 24);
+    for (const char* begin : {"SCENE: ", "Plan: ", "# %", "Test photographs: ", "Wrote ",
+                              "Input: ", "Mesh: ", "Report: runs"})
+        EXPECT_EQ(test::missing_quote(output, begin), "") << output;
 }
 
 TEST_F(DocCommands, HaveNoFlagOrKeyThatTheProgramsLack) {

@@ -209,8 +209,10 @@ std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source) {
     if (not_finite > 0)
         spdlog::warn("{}: dropped {} points: positions not finite or beyond 1e9", source,
                      grouped(not_finite));
+    // SIFT finds some places in two orientations.
     if (repeated > 0)
-        spdlog::warn("{}: dropped {} points: repeated positions", source, grouped(repeated));
+        spdlog::log(2 * repeated > order.size() ? spdlog::level::warn : spdlog::level::debug,
+                    "{}: dropped {} points: repeated positions", source, grouped(repeated));
     if (not_finite + repeated == 0) return 0;
     const auto compact = [&](auto& values) {
         if (!values.empty()) values = taken(values, kept);
