@@ -175,12 +175,12 @@ TEST_F(Cli, MeshAndScores) {
     EXPECT_EQ(call("eval", "nvs -m run --device cpu --require 'psnr>=99'").code, 8);
 }
 
-TEST_F(Cli, ARunThatStillTrainsHasNoSplatsYet) {
+TEST_F(Cli, AStoppedRunHasNoSplatsYet) {
     fs::create_directories(folder_ / "young");
     fs::copy(folder_ / "run/config.json", folder_ / "young/config.json");
     const Result r = call("extract-mesh", "-m young --device cpu");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("young: no splats yet; wait for the end of the training")) << r;
+    EXPECT_TRUE(r.says("young: no splats yet; continue the stopped training with")) << r;
 }
 
 TEST_F(Cli, ALimitBelowTheStartPointsIsSaid) {
