@@ -56,7 +56,9 @@ std::vector<Decision> decide_masks(const MaskLook& look) {
         settings.emplace_back("loss.photometric.masks", choice);
         return std::vector<Decision>{{"masks", choice, str(found, "; ", reason), look.border,
                                       kObjectBorder, std::move(settings),
-                                      choice == "none" ? "masks not used" : "masks used"}};
+                                      look.outside == 0  ? ""
+                                      : choice == "none" ? "masks not used"
+                                                         : "masks used"}};
     };
     if (look.outside == 0)
         return decision("ignore", "they leave out only pixels that the lens did not see", {});
