@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <limits>
 #include <optional>
 
 #include "apps/common/command_line.h"
@@ -16,12 +15,10 @@
 #include "core/progress.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "io/mesh/mesh_files.h"
 #include "io/scene/scene_layout.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
 #include "report/report.h"
-#include "report/view_page.h"
 
 namespace tvsgs {
 namespace {
@@ -116,16 +113,6 @@ std::string count_of(const JsonValue& value, const std::string& what) {
     return counted(std::size_t(std::max(0.0, value.number_or(0))), what);
 }
 
-/// "1.92 x 2.01 x 1.8": the box of the mesh.
-std::string size_text(const std::string& mesh) {
-    constexpr double kFar = std::numeric_limits<double>::max();
-    Vec3d low{kFar, kFar, kFar}, high = -low;
-    for (const Vec3d p : read_mesh_geometry(mesh).positions)
-        for (int c = 0; c < 3; ++c)
-            low[c] = std::min(low[c], p[c]), high[c] = std::max(high[c], p[c]);
-    return fmt::format("{:.3g} x {:.3g} x {:.3g}", high.x - low.x, high.y - low.y, high.z - low.z);
-}
-
 /// Logs the results of a run folder: numbers, limits of the quality, and places of the files.
 /// `scene`: of the run; its prepare.json, if there is one, has the number of given photographs.
 void log_summary(const std::string& run, const std::string& scene, const std::string& page) {
@@ -133,13 +120,18 @@ void log_summary(const std::string& run, const std::string& scene, const std::st
                     prepared = json_of(scene + "/prepare.json");
     const RunVerdict verdict = verdict_of(report);
     const std::string mesh = find_mesh(run);
+    const auto sides = [&](std::size_t axis) {
+        const auto& list = report["mesh"]["size"].items;
+        return axis < list.size() ? list[axis].number : 0;
+    };
     std::string given;
     if (const double all = prepared["photographs"].number; all > report["training_views"].number)
         given = str(" of ", all);
-    spdlog::info("Reconstructed {}{}: {}, mesh of {}, {} {}",
+    spdlog::info("Reconstructed {}{}: {}, mesh of {}, {:.3g} x {:.3g} x {:.3g} {}",
                  count_of(report["training_views"], "photograph"), given,
                  count_of(report["splats"], "splat"), count_of(report["mesh"]["faces"], "face"),
-                 size_text(mesh), in_metres(run, scene) ? "metres" : "units of the scene");
+                 sides(0), sides(1), sides(2),
+                 report["mesh"]["unit"].text == "metres" ? "metres" : "units of the scene");
     if (!verdict.level.empty()) spdlog::info("Quality: {}", verdict.level);
     for (const std::string& limit : verdict.limits) spdlog::info("Limit: {}", limit);
     if (!verdict.limits.empty())

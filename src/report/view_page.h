@@ -75,10 +75,6 @@ struct ViewSubject {
     std::vector<std::string> missing{};  // parts left out, with reasons
 };
 
-/// Whether the scene of a run was put in place (georeference.json) or scaled by markers
-/// (prepare.json).
-bool in_metres(const std::string& run, const std::string& scene);
-
 /// Leaves out photographs, meshes and truths that cannot be read, with a warning; a truth that
 /// `input` names must be readable. Simplifies meshes. Throws Error(ExitCode::input) for a folder
 /// that is no run folder.

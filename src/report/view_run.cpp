@@ -171,6 +171,14 @@ ViewRun read_run(const std::string& path, const ViewInput& input, ViewSubject& s
     return run;
 }
 
+/// Whether the scene's unit is known to be the metre: it has a projection, or its preparation used
+/// markers (prepare.json).
+bool in_metres(const std::string& run, const std::string& scene) {
+    const std::string prepared = scene + "/prepare.json";
+    return is_file(run + "/georeference.json") || is_file(scene + "/georeference.json") ||
+           (is_file(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
+}
+
 /// Whether a camera of the run has name and place of one on the page.
 bool share_a_camera(const ViewSubject& subject, const std::string& run) {
     ViewSubject other;
@@ -235,12 +243,6 @@ ViewSubject read_splat_subject(const ViewInput& input) {
 }
 
 }  // namespace
-
-bool in_metres(const std::string& run, const std::string& scene) {
-    const std::string prepared = scene + "/prepare.json";
-    return is_file(run + "/georeference.json") || is_file(scene + "/georeference.json") ||
-           (is_file(prepared) && parse_json_value(read_bytes(prepared), prepared)["metric"]);
-}
 
 ViewSubject read_view_subject(const ViewInput& input) {
     if (is_file(input.runs.front())) return read_splat_subject(input);
