@@ -45,10 +45,12 @@ private:
 }  // namespace
 
 double cloud_vote_steps(const CloudVoteOptions& options, std::size_t points) {
-    const int rounds = std::max(options.refine, detail::kNormalRounds);
-    // Scales, two passes per round, three for the normals. Outliers: scales, balls, twice support.
+    const int rounds = std::max(options.refine, detail::kNoisyRounds);
+    // Scales, balls, two passes per round, normals, saliencies and support. Outliers: scales,
+    // balls, twice support.
     const int outliers = 2 + 2 * (2 + detail::kOutlierHops);
-    return double(points) * (4 + 2 * rounds + (options.reject ? outliers : 0));
+    return double(points) *
+           (4 + detail::kStickRounds + 2 * rounds + (options.reject ? outliers : 0));
 }
 
 template CloudVotes vote_in_cloud(Cpu,

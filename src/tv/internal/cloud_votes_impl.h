@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "core/device/morton.h"
@@ -16,9 +17,15 @@
 namespace tvsgs {
 namespace detail {
 
-inline constexpr int kNormalRounds = 2;      // moves before the votes that give normals
-inline constexpr int kPlaces = 5;            // tried places on each side of a point
-inline constexpr float kPlaceMargin = 0.1f;  // tv.target_margin
+inline constexpr float kWideScale = 1.5f;  // scale of voting, in distances to the median neighbour
+// Noise is the relative point saliency of balls that a quarter of the points stay below. Moves
+// before the votes that give normals: without noise, and with kMuchNoise or more.
+inline constexpr int kQuietRounds = 2, kNoisyRounds = 5, kStickRounds = 3;
+inline constexpr float kMuchNoise = 0.07f;
+// Sticks count cos^p of the angle between the normals of both points: p falls from kAgreement
+// without noise to 0 at kNoAgreement. Balls beside them count 1 - p / kAgreement.
+inline constexpr float kAgreement = 12, kNoAgreement = 0.25f;
+inline constexpr float kOffPlane = 3;  // decay across a neighbour's plane, more than along it
 // A point whose support is below the first number is an outlier; up to the second its votes fade.
 inline constexpr int kOutlierHops = 2;
 inline constexpr float kOutlierSupport = 0.15f, kFullSupport = 0.5f;
@@ -66,8 +73,8 @@ struct CloudLists {
     }
 };
 
-/// Distances to the median neighbour (scale of voting) and to the median of the nearest six (the
-/// spacing); 0 without neighbours.
+/// The scale of voting, from the distance to the median neighbour, and the distance and to the
+/// median of the nearest six (the spacing); 0 without neighbours.
 struct CloudScaleBody {
     CloudLists lists;
     Span<const Vec3f> places;
@@ -77,7 +84,7 @@ struct CloudScaleBody {
     TVSGS_HD void operator()(int row) const {
         const int i = lists.first + row, n = lists.count(i);
         const std::uint32_t* list = lists.of(i);
-        scales[i] = n == 0 ? 0 : norm(places[list[n / 2]] - places[i]);
+        scales[i] = n == 0 ? 0 : kWideScale * norm(places[list[n / 2]] - places[i]);
         spacings[i] = n == 0 ? 0 : norm(places[list[n < 6 ? n / 2 : 3]] - places[i]);
         for (int r = 0; r < kGraphNeighbours; ++r)
             nearest[std::size_t(i) * kGraphNeighbours + r] = r < n ? list[r] : kNoPoint;
@@ -89,19 +96,31 @@ struct CloudVoters {
     CloudLists lists;
     Span<const Vec3f> places, normals;
     Span<const float> scales, balls, sticks;
+    float agreement = 0;  // exponent
 
-    /// Adds the votes that point i receives at `place`, from balls or from sticks.
+    TVSGS_HD float scale(int i, std::uint32_t j) const {
+        return scales[i] < scales[j] ? scales[i] : scales[j];
+    }
+    /// Strength of the stick j at point i: points beyond an edge count less.
+    TVSGS_HD float stick(int i, std::uint32_t j) const {
+        const Vec3f n = normals[i];
+        const bool agree = agreement > 0 && dot(n, n) > 0;
+        return sticks[j] * (agree ? std::pow(std::abs(dot(n, normals[j])), agreement) : 1.0f);
+    }
+
+    /// Adds `share` of the votes that point i receives, from balls or from sticks.
     template <bool kBalls>
-    TVSGS_HD void add_votes(int i, Vec3f place, Sym3f& T) const {
+    TVSGS_HD void add_votes(int i, float share, Sym3f& T) const {
         const std::uint32_t* list = lists.of(i);
         for (int r = 0; r < lists.k && list[r] != kNoPoint; ++r) {
             const std::uint32_t j = list[r];
-            const float scale = scales[i] < scales[j] ? scales[i] : scales[j];
-            const Vec3f d = place - places[j];
+            const float tau = scale(i, j);
+            const Vec3f d = places[i] - places[j];
             VoterRecord<float> voter;
-            voter.inverse_tau2 = inverse_square_or_zero(scale);
+            voter.inverse_tau2 = inverse_square_or_zero(tau);
             // Noise turns the direction to a near point most, so a vote counts by the distance.
-            const float strength = (kBalls ? balls[j] : sticks[j]) * voter.inverse_tau2 * dot(d, d);
+            const float strength =
+                share * (kBalls ? balls[j] : stick(i, j)) * voter.inverse_tau2 * dot(d, d);
             Vote<float> vote;
             if (kBalls) {
                 vote = ball_vote<ExactMath>(voter, d, d, {});
@@ -109,7 +128,7 @@ struct CloudVoters {
                 const Vec3f n = normals[j];
                 const float u = dot(d, n);
                 voter.normal_world = n;
-                voter.curvature = curvature_factor(true, scale, 1.0f);
+                voter.curvature = curvature_factor(true, tau, 1.0f);
                 vote = plate_vote<ExactMath>(voter, d, {norm(d - u * n), 0, u}, {});
             }
             if (vote.cast && strength * 0 == 0) add_outer(T, strength * vote.decay, vote.v);
@@ -117,7 +136,7 @@ struct CloudVoters {
     }
 };
 
-/// Tensors of a block from the votes at the points' places: of balls, or of balls and sticks.
+/// Tensors of a block from the votes of balls, or of balls and sticks.
 template <bool kSticks>
 struct CloudTensorBody {
     CloudVoters voters;
@@ -132,8 +151,9 @@ struct CloudTensorBody {
             return;
         }
         Sym3f T;
-        voters.add_votes<true>(i, voters.places[i], T);
-        if (kSticks) voters.add_votes<false>(i, voters.places[i], T);
+        const float balls = kSticks ? 1 - voters.agreement / kAgreement : 1.0f;
+        if (balls > 0) voters.add_votes<true>(i, balls, T);
+        if (kSticks) voters.add_votes<false>(i, 1, T);
         const VotedTensor voted = voted_tensor(T);
         const Vec3f values = voted.values, normal = voted.has_normal ? voted.normal : Vec3f{};
         eigenvalues[i] = {values.x, values.y, values.z > 0 ? values.z : 0};
@@ -160,7 +180,8 @@ struct CloudStrengthBody {
     }
 };
 
-/// Moves points along their normals to the place of largest surface saliency, at most one spacing.
+/// Moves points along their normals to the mean of the places that their neighbours give them, at
+/// most one spacing: where an arc meets both normals. So curved surfaces do not shrink.
 struct CloudPlaceBody {
     CloudVoters voters;
     Span<const float> spacings;
@@ -168,29 +189,21 @@ struct CloudPlaceBody {
 
     TVSGS_HD void operator()(int row) const {
         const int i = voters.lists.first + row;
-        const Vec3f place = voters.places[i], step = spacings[i] / kPlaces * voters.normals[i];
-        moved[i] = place;
-        if (!(dot(step, step) > 0)) return;
-        float saliency[2 * kPlaces + 1];
-        float largest = 0;
-        int best = 0;
-        for (int m = 0; m <= 2 * kPlaces; ++m) {
-            Sym3f T;
-            voters.add_votes<false>(i, place + float(m - kPlaces) * step, T);
-            const Vec3f l = sym_eigenvalues<ExactMath>(T);
-            saliency[m] = l.y - l.z;
-            if (m == kPlaces) largest = l.x;
-            if (saliency[m] > saliency[best]) best = m;
+        const Vec3f place = voters.places[i], n = voters.normals[i];
+        const std::uint32_t* list = voters.lists.of(i);
+        float sum = 0, weights = voters.sticks[i];
+        for (int r = 0; r < voters.lists.k && list[r] != kNoPoint; ++r) {
+            const std::uint32_t j = list[r];
+            const Vec3f d = voters.places[j] - place, m = voters.normals[j];
+            const float off = dot(d, m);
+            const float reach =
+                inverse_square_or_zero(voters.scale(i, j)) * (dot(d, d) + kOffPlane * off * off);
+            const float w = voters.stick(i, j) * std::exp(-reach);
+            if (!(w > 0)) continue;
+            sum += w * (dot(d, n) + (dot(m, n) < 0 ? -off : off)) / 2, weights += w;
         }
-        if (!(saliency[best] > saliency[kPlaces] + kPlaceMargin * largest)) return;
-        // The parabola through three places.
-        float offset = float(best - kPlaces);
-        if (best > 0 && best < 2 * kPlaces) {
-            const float below = saliency[best - 1], above = saliency[best + 1];
-            const float bend = below - 2 * saliency[best] + above;
-            if (bend < 0) offset += 0.5f * (below - above) / bend;
-        }
-        moved[i] = place + offset * step;
+        const float height = weights > 0 ? sum / weights : 0, limit = spacings[i];
+        moved[i] = place + (height < -limit ? -limit : height < limit ? height : limit) * n;
     }
 };
 
@@ -302,13 +315,22 @@ public:
 
     CloudVotes run() {
         std::vector<Vec3f> positions = to_host(places_);
-        for (int round = 1; round <= std::max(options_.refine, kNormalRounds); ++round) {
-            vote_as_balls();
+        vote_as_balls();
+        const float noise = find_noise();
+        agreement_ = kAgreement * std::max(0.0f, 1 - noise / kNoAgreement);
+        const int rounds =
+            std::max(options_.refine, kQuietRounds + int(std::min(1.0f, noise / kMuchNoise) *
+                                                         float(kNoisyRounds - kQuietRounds)));
+        for (int round = 1; round <= rounds; ++round) {
             move();
             if (round == options_.refine) positions = to_host(places_);
+            vote_as_balls();
         }
-        vote_as_balls();
-        vote_as_sticks();
+        for (int round = rounds; round < kNoisyRounds && progress_; ++round)
+            progress_(2 * count_);  // of cloud_vote_steps(), but not needed
+        for (int round = 0; round < kStickRounds; ++round) vote_as_sticks();
+        agreement_ = 0;
+        vote<true>();  // saliencies; the normals stay
         find_support(0);
         return results(positions);
     }
@@ -362,8 +384,8 @@ private:
     }
 
     CloudVoters voters(const CloudLists& lists) const {
-        return {lists,          places_.span(), normals_.span(),
-                scales_.span(), balls_.span(),  sticks_.span()};
+        return {lists,         places_.span(), normals_.span(), scales_.span(),
+                balls_.span(), sticks_.span(), agreement_};
     }
     void set_strengths(bool by_support) {
         const Span<const float> support = by_support ? support_.span() : Span<float>{};
@@ -372,21 +394,34 @@ private:
             CloudStrengthBody{confidences_.span(), support, given_.span(), eigenvalues_.span(),
                               normals_.span(), balls_.span(), sticks_.span()});
     }
+    /// New eigenvalues, and new normals in new_vectors_.
+    template <bool kSticks>
+    void vote() {
+        new_vectors_.resize(count_);
+        blocks([&](const CloudLists& lists) {
+            return CloudTensorBody<kSticks>{voters(lists), given_.span(), eigenvalues_.span(),
+                                            new_vectors_.span()};
+        });
+    }
     /// Sets the strengths of the sticks from votes of balls.
     void vote_as_balls() {
-        blocks([&](const CloudLists& lists) {
-            return CloudTensorBody<false>{voters(lists), given_.span(), eigenvalues_.span(),
-                                          normals_.span()};
-        });
+        vote<false>();
+        normals_.swap(new_vectors_);
         set_strengths(false);
     }
     void vote_as_sticks() {
-        new_vectors_.resize(count_);
-        blocks([&](const CloudLists& lists) {
-            return CloudTensorBody<true>{voters(lists), given_.span(), eigenvalues_.span(),
-                                         new_vectors_.span()};
-        });
+        vote<true>();
         normals_.swap(new_vectors_);
+    }
+    /// The relative point saliency that a quarter of the points stay below.
+    float find_noise() const {
+        std::vector<float> shares;
+        for (const Vec3f l : to_host(eigenvalues_))
+            if (l.x > 0) shares.push_back(l.z / l.x);
+        if (shares.empty()) return 0;
+        const auto quarter = shares.begin() + std::ptrdiff_t(shares.size() / 4);
+        std::nth_element(shares.begin(), quarter, shares.end());
+        return *quarter;
     }
     void move() {
         new_vectors_.resize(count_);
@@ -443,6 +478,7 @@ private:
     const CloudVoteOptions& options_;
     const CloudProgress& progress_;
     int count_, k_ = 0;
+    float agreement_ = 0;  // CloudVoters::agreement
     bool listed_ = false;
     std::vector<int> order_;  // [N] index in the input
     MortonTree tree_;
