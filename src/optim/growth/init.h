@@ -17,7 +17,7 @@ struct InitOptions {
     int gap_px = 0;
     // For a cloud from a file:
     float thin = 0;
-    int max_points = 1500000;
+    int max_points = 1500000, votes = 0;
     float min_in_frame = 0.1f;
     std::string fixed_splats;
     bool force = false;
@@ -36,6 +36,9 @@ struct InitOptions {
               "Gaussian's position, for loss.photometric.geometry and lr.supported_*");
         field("gap_px", gap_px, {0, 100},
               "pixels between the points that fill the gaps of a stereo cloud; 0: none");
+        field(
+            "votes", votes, {0, 100},
+            "rounds in which votes move the points of a stereo cloud along their normals; 0: none");
         field("max_extent", max_extent, {0, 1e9},
               "largest standard deviation at the start, in longer sides of a photograph; 0: no "
               "limit");

@@ -9,6 +9,7 @@
 #include "pipeline/scene/mask_use.h"
 #include "pipeline/scene/stereo_cloud.h"
 #include "plan/decide.h"
+#include "tv/cloud_votes.h"
 
 namespace tvsgs {
 
@@ -22,6 +23,18 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
 inline std::string start_fault(const RunOptions& options, const Scene& scene) {
     return start_fault(
         look_at_start(scene.train, scene.points.positions, stereo_options(options).use_masks));
+}
+
+/// Moves points to the surface that they vote for, and turns their normals.
+/// [docs/guide/vote.md#formulas]
+inline void refine_by_votes(const DeviceChoice& device, int rounds, PointCloud& cloud) {
+    CloudVoteOptions options;
+    options.refine = rounds;
+    const CloudVotes votes =
+        on_device(device, [&](auto tag) { return vote_in_cloud(tag, cloud, options); });
+    cloud.positions = votes.positions;
+    for (std::size_t i = 0; i < cloud.normals.size(); ++i)
+        if (norm(votes.normals[i]) > 0) cloud.normals[i] = votes.normals[i];
 }
 
 /// Replaces the scene's points by stereo's, if these are more. Where the training cannot start from
@@ -45,6 +58,7 @@ inline void make_points(const DeviceChoice& device,
         StereoResult found =
             stereo_cloud(device, scene.train, stereo.points, by, stereo_cap(init.max_points));
         stereo.maps = std::move(found.maps);
+        if (init.votes > 0) refine_by_votes(device, init.votes, found.cloud);
         replace_by(std::move(found.cloud));
         fault = start_fault(options, scene);
     } catch (const Error& error) {
