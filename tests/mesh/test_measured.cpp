@@ -69,6 +69,14 @@ TriangleMesh wall() {
     return sheet(0, 0, 0, 2, 80);
 }
 
+/// `count` views of the wall. With three, noise agrees by chance in a quarter of the places.
+std::vector<EvidenceView> many_views(int count) {
+    std::vector<EvidenceView> views;
+    for (int i = 0; i < count; ++i)
+        views.push_back(view_of(wall(), {-1.2 + 2.4 * i / (count - 1), i % 2 ? 0.3 : -0.3, 5}));
+    return views;
+}
+
 TEST(Measured, KeepsAllThatOneSideShows) {
     const TriangleMesh scene = joined({wall(), sheet(0, 0, 0.5, 0.5, 20)});
     const Photographed photos(views_of(scene), [](int) { return Paint(texture); });
@@ -80,12 +88,12 @@ TEST(Measured, KeepsAllThatOneSideShows) {
 }
 
 TEST(Measured, RemovesWhatViewsShowDifferently) {
-    const Photographed photos(views_of(wall()), noise);
+    const Photographed photos(many_views(6), noise);
     TriangleMesh mesh = wall();
     const MeasuredReport report = photos.keep(mesh);
-    EXPECT_TRUE(mesh.faces.empty());
-    EXPECT_EQ(report.removed_faces, wall().faces.size());
-    EXPECT_NEAR(report.removed_area, 1, 1e-6);
+    EXPECT_LT(area(mesh), 0.05 * area(wall()));  // noise agrees by chance
+    EXPECT_EQ(report.removed_faces, wall().faces.size() - mesh.faces.size());
+    EXPECT_NEAR(report.removed_area, 1 - area(mesh) / area(wall()), 1e-6);
 }
 
 TEST(Measured, AGradientOfTheSkyIsNoTexture) {
@@ -102,46 +110,51 @@ TEST(Measured, AGradientOfTheSkyIsNoTexture) {
 }
 
 TEST(Measured, CutsBetweenMeasuredAndOther) {
-    const Photographed photos(views_of(wall()), [](int i) {
+    const Photographed photos(many_views(6), [](int i) {
         return Paint([i](Vec3d p) { return p.x < 0 ? texture(p) : noise(i)(p); });
     });
     TriangleMesh mesh = wall();
     photos.keep(mesh);
     double left = 0, right = 0;
     for (const Vec3f p : mesh.vertices) {
-        EXPECT_LT(p.x, 0.25) << "ten pixels beyond the texture";
+        EXPECT_LT(p.x, 0.35) << "14 pixels beyond the texture";
         left += p.x < 0, right += p.x >= 0;
     }
     EXPECT_GT(left, 0.9 * 0.5 * static_cast<double>(wall().vertices.size()));
-    EXPECT_GT(left, 10 * right);
+    EXPECT_GT(left, 4 * right);
 }
 
-TEST(Measured, PlainSpotsInMeasuredSurfaceStay) {
-    const auto spot = [](double radius) {
-        return [radius](int) {
-            return Paint(
-                [radius](Vec3d p) { return std::hypot(p.x, p.y) < radius ? 128 : texture(p); });
-        };
+TEST(Measured, PlainSurfaceStaysWhereHalfOfTheViewsEncloseIt) {
+    // Texture with a plain part in the middle; in `open` of eight views the part ends at the edge
+    // of the wall, as a sky does.
+    const auto kept = [](int open) {
+        const Photographed photos(many_views(8), [open](int i) {
+            return Paint([=](Vec3d p) {
+                const bool plain = std::fabs(p.x) < 0.6 && p.y > -0.6 && (p.y < 0.6 || i < open);
+                return plain ? 128 : texture(p);
+            });
+        });
+        TriangleMesh mesh = wall();
+        photos.keep(mesh);
+        return area(mesh) / area(wall());
     };
-    TriangleMesh mesh = wall();
-    Photographed(views_of(mesh), spot(0.1)).keep(mesh);  // eight pixels wide
-    EXPECT_EQ(mesh.faces.size(), wall().faces.size());
-    Photographed(views_of(mesh), spot(0.6)).keep(mesh);
-    EXPECT_LT(mesh.faces.size(), 0.9 * static_cast<double>(wall().faces.size()));
+    EXPECT_EQ(kept(0), 1);
+    EXPECT_EQ(kept(2), 1);
+    EXPECT_LT(kept(6), 0.8);
+    EXPECT_LT(kept(8), 0.75);  // 0.52 without any plain surface
+    EXPECT_GT(kept(8), 0.5);
 }
 
 TEST(Measured, HalfOfTheViewsHaveToAgree) {
-    std::vector<EvidenceView> four;
-    for (const double x : {-1.2, -0.4, 0.4, 1.2}) four.push_back(view_of(wall(), {x, 0.3, 5}));
-    std::vector<EvidenceView> five = four;
-    five.push_back(view_of(wall(), {0, -0.5, 5}));
-    const auto two_agree = [](int i) { return i < 2 ? Paint(texture) : noise(i); };
-    TriangleMesh mesh = wall();
-    Photographed(four, two_agree).keep(mesh);
-    EXPECT_GT(area(mesh), 0.5 * area(wall()));
-    mesh = wall();
-    Photographed(five, two_agree).keep(mesh);
-    EXPECT_LT(area(mesh), 0.1 * area(wall()));
+    const auto kept = [](int agree) {
+        TriangleMesh mesh = wall();
+        Photographed(many_views(8), [agree](int i) {
+            return i < agree ? Paint(texture) : noise(i);
+        }).keep(mesh);
+        return area(mesh) / area(wall());
+    };
+    EXPECT_GT(kept(4), 0.5);
+    EXPECT_LT(kept(2), 0.3);
 }
 
 /// Eight cameras around a ball, and a dome far behind that renders show and photographs do not.

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/progress.h"
+#include "mesh/draw/mesh_render.h"
 #include "mesh/fuse/depth_view.h"
 #include "mesh/mend/mend.h"
 #include "mesh/mend/mesh_corners.h"
@@ -11,11 +12,10 @@ namespace tvsgs {
 namespace {
 
 constexpr int kRadius = 2, kSide = 2 * kRadius + 1;  // of a patch, in steps
-constexpr float kAlike = 0.3f;       // correlation; noise of two photographs has about 0
-constexpr float kMinCosine = 0.1f;   // flatter views do not resolve a patch
-constexpr int kSteps = 20;           // of averaging over neighbours: about 5 edges, of a pixel each
-constexpr double kMaxBounded = 900;  // pixels; and the least ratio of kept to open edges:
-constexpr int kMinEnclosed = 3;
+constexpr float kAlike = 0.3f;      // correlation; noise of two photographs has about 0
+constexpr float kMinCosine = 0.1f;  // flatter views do not resolve a patch
+constexpr int kSteps = 20;          // of averaging over neighbours: about 5 edges, of a pixel each
+constexpr float kEncloses = 0.25f;  // share of measured surface at a pixel that ends open pixels
 constexpr std::size_t kMaxSamples = 4'000'000;  // of 112 bytes
 
 using Patch = std::array<float, kSide * kSide>;
@@ -176,46 +176,52 @@ double area_of(const TriangleMesh& mesh, Vec3i face) {
     return 0.5 * double(norm(cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a)));
 }
 
-/// Keeps small removed components that kept surface encloses: they are plain, or beside an edge.
-void keep_enclosed(const TriangleMesh& mesh,
-                   const std::vector<View>& views,
-                   std::vector<char>& keep) {
-    TriangleMesh removed{mesh.vertices, {}, {}};
-    for (std::size_t f = 0; f < keep.size(); ++f)
-        if (!keep[f]) removed.faces.push_back(mesh.faces[f]);
-    if (removed.faces.empty()) return;
-    const std::vector<int> component = face_components(removed);
-    const Corners corners(mesh);
-    std::vector<Camera> cameras;
-    for (const View& view : views) cameras.push_back(view.camera);
-    struct Border {
-        std::int64_t kept = 0, open = 0;  // edges
-        double area = 0, pixel = 0;
+/// Whether each pixel of a view is open: pixels without measured surface connect it to the border.
+std::vector<char> open_pixels(int width, int height, const std::vector<char>& measured) {
+    std::vector<char> open(measured.size());
+    std::vector<int> reached;
+    const auto reach = [&](int x, int y) {
+        if (x < 0 || y < 0 || x >= width || y >= height) return;
+        const int i = y * width + x;
+        if (measured[i] || open[i]) return;
+        open[i] = 1;
+        reached.push_back(i);
     };
-    std::vector<Border> borders(static_cast<std::size_t>(*std::ranges::max_element(component) + 1));
-    for (std::size_t f = 0, r = 0; f < keep.size(); ++f) {
-        if (keep[f]) continue;
-        const Vec3i face = mesh.faces[f];
-        Border& border = borders[component[r++]];
-        if (border.pixel == 0)
-            border.pixel = static_cast<double>(pixel_length(cameras, mesh.vertices[face.x]));
-        border.area += area_of(mesh, face);
-        for (int k = 0; k < 3; ++k) {
-            const int w = face[(k + 1) % 3];
-            bool open = true, kept = false;
-            corners.for_each(face[k], [&](std::uint32_t g, int l) {
-                if (g == f || !joins(mesh.faces[g], l, w)) return;
-                open = false, kept = kept || keep[g];
-            });
-            border.open += open, border.kept += kept;
-        }
+    for (int x = 0; x < width; ++x) reach(x, 0), reach(x, height - 1);
+    for (int y = 0; y < height; ++y) reach(0, y), reach(width - 1, y);
+    while (!reached.empty()) {
+        const int x = reached.back() % width, y = reached.back() / width;
+        reached.pop_back();
+        reach(x - 1, y), reach(x + 1, y), reach(x, y - 1), reach(x, y + 1);
     }
-    for (std::size_t f = 0, r = 0; f < keep.size(); ++f) {
-        if (keep[f]) continue;
-        const Border& b = borders[component[r++]];
-        keep[f] = b.kept > 0 && b.kept >= kMinEnclosed * b.open &&
-                  b.area <= kMaxBounded * b.pixel * b.pixel;
+    return open;
+}
+
+/// The share of open pixels around each vertex, over all views. `measured`: the share of measured
+/// surface around it.
+std::vector<float> open_around(const TriangleMesh& mesh,
+                               const std::vector<View>& views,
+                               const std::vector<float>& measured) {
+    std::vector<Vec2f> open_and_all(mesh.vertices.size());
+    MeshRenderOptions options;
+    options.smooth_normals = false;
+    for (const View& view : views) {
+        const Image<int> faces = render_mesh(mesh, view.camera, options).face;
+        std::vector<char> ends(faces.pixels.size());
+        for (std::size_t i = 0; i < ends.size(); ++i)
+            if (faces.pixels[i] >= 0) {
+                const Vec3i face = mesh.faces[faces.pixels[i]];
+                ends[i] = measured[face.x] + measured[face.y] + measured[face.z] >= 3 * kEncloses;
+            }
+        const std::vector<char> open = open_pixels(faces.width, faces.height, ends);
+        for (std::size_t i = 0; i < open.size(); ++i)
+            if (faces.pixels[i] >= 0)
+                for (int k = 0; k < 3; ++k) {
+                    Vec2f& at = open_and_all[mesh.faces[faces.pixels[i]][k]];
+                    at.x += open[i], at.y += 1;
+                }
     }
+    return averaged(mesh, std::move(open_and_all));
 }
 
 }  // namespace
@@ -240,13 +246,14 @@ MeasuredReport keep_measured_faces(TriangleMesh& mesh,
                                     found[s].seen > 0 ? 1.0f : 0.0f};
     }
     const std::vector<float> mean = averaged(mesh, std::move(measured));
+    const std::vector<float> open = open_around(mesh, views, mean);
     std::vector<char> keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f) {
         const Vec3i face = mesh.faces[f];
-        keep[f] = std::min({mean[face.x], mean[face.y], mean[face.z]}) < 0 ||
-                  mean[face.x] + mean[face.y] + mean[face.z] >= 3 * share;
+        float proven = 3;  // measured or enclosed, of the corners' surroundings
+        for (int k = 0; k < 3; ++k) proven += mean[face[k]] - open[face[k]];
+        keep[f] = std::min({mean[face.x], mean[face.y], mean[face.z]}) < 0 || proven >= 3 * share;
     }
-    keep_enclosed(mesh, views, keep);
     double area = 0, removed = 0;
     for (std::size_t f = 0; f < keep.size(); ++f) {
         const double size = area_of(mesh, mesh.faces[f]);

@@ -66,10 +66,10 @@ struct MeasuredReport {
     double removed_area = 0;  // share of the mesh
 };
 
-/// Keeps the faces around which at least `share` of the surface is measured, and small parts that
-/// kept surface encloses. [docs/method/evidence.md#measured-surface] `views`: with photographs, in
-/// the order of `source`; a view without a photograph is skipped. Keeps all faces if fewer than two
-/// views have photographs.
+/// Keeps the faces around which at least `share` of the surface is measured or enclosed by measured
+/// surface. [docs/method/evidence.md#measured-surface] `views`: with photographs, in the order of
+/// `source`; a view without a photograph is skipped. Keeps all faces if fewer than two views have
+/// photographs.
 MeasuredReport keep_measured_faces(TriangleMesh& mesh,
                                    const EvidenceSource& source,
                                    const std::vector<View>& views,

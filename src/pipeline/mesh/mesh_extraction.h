@@ -23,7 +23,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0, object = 0,
-          max_scale_px = 0, measured = 0, holes = 20, smooth = 0.5f;
+          max_scale_px = 0, measured = 0.5f, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
@@ -61,8 +61,9 @@ struct MeshOptions {
               "keep the components that views confirm, whatever their size, and remove unseen "
               "boundaries; counts the views of each vertex");
         field("measured", measured, {0, 1},
-              "least share of measured surface around a face, with mesh.evidence: photographs of "
-              "half of the views that see it, and of two, look alike there; 0: keep everything");
+              "least share of the surface around a face, with mesh.evidence, that photographs of "
+              "half of the views, and of two, show alike, or that such surface encloses; 0: keep "
+              "everything");
         field("clusters", clusters, {0, 1e9},
               "number of largest components to keep, of at least 50 faces; 0: all");
         field("holes", holes, {0, 1000},
