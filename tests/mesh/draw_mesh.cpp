@@ -1,0 +1,143 @@
+// draw_mesh OUT.jpg WIDTH SCENE MESH.obj PHOTOGRAPH PANEL...: draws panels of WIDTH pixels side by
+// side for scripts/photographs_page.sh and scripts/readme_picture.sh. PANEL: photo, texture or
+// plain (the mesh from the place of the photograph), or texture:45, plain:-45 (from so many degrees
+// to the right around the surface).
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+#include "core/error.h"
+#include "io/images/image_file.h"
+#include "io/scene/scene_reader.h"
+#include "mesh/draw/mesh_render.h"
+
+namespace tvsgs::test {
+namespace {
+
+struct TexturedMesh {
+    TriangleMesh mesh;
+    MeshTexture texture;
+};
+
+/// Reads an OBJ of tvsgs-extract-mesh with its texture into the frame of a scene.
+TexturedMesh read_obj(const std::string& path, Vec3d origin) {
+    const auto open = [](const std::string& name) {
+        std::ifstream file(name);
+        if (!file) throw Error(ExitCode::io, name, ": cannot be read");
+        return file;
+    };
+    const std::string folder = path.substr(0, path.find_last_of('/') + 1);
+    TexturedMesh out;
+    std::ifstream file = open(path);
+    for (std::string line, word; std::getline(file, line);) {
+        std::istringstream words(line);
+        if (!(words >> word)) continue;
+        if (word == "v") {
+            Vec3d p;
+            words >> p.x >> p.y >> p.z;
+            out.mesh.vertices.push_back(vec_cast<float>(p - origin));
+        } else if (word == "vt") {
+            Vec2f p;
+            words >> p.x >> p.y;
+            out.texture.places.push_back({p.x, 1 - p.y});
+        } else if (word == "f") {
+            Vec3i corner, place;
+            for (int k = 0; k < 3; ++k) {
+                words >> word;
+                if (std::sscanf(word.c_str(), "%d/%d", &corner[k], &place[k]) < 2)
+                    throw Error(ExitCode::input, path, ": no texture: ", line);
+                --corner[k], --place[k];
+            }
+            out.mesh.faces.push_back(corner), out.texture.faces.push_back(place);
+        } else if (word == "mtllib") {
+            words >> word;
+            std::ifstream material = open(folder + word);
+            while (std::getline(material, line))
+                if (line.starts_with("map_Kd "))
+                    out.texture.image = read_image(folder + line.substr(7), 3);
+        }
+    }
+    if (out.texture.empty()) throw Error(ExitCode::input, path, ": no texture");
+    return out;
+}
+
+/// The camera, turned around the surface in the middle of its picture, about the upright axis.
+Camera turned(Camera camera, const TriangleMesh& mesh, double degrees, Vec3d up) {
+    if (degrees == 0) return camera;
+    const ImageF depth = render_depth(mesh, camera);
+    std::vector<float> middle;
+    for (int y = depth.height / 3; y < 2 * depth.height / 3; ++y)
+        for (int x = depth.width / 3; x < 2 * depth.width / 3; ++x)
+            if (depth.at(x, y) > 0) middle.push_back(depth.at(x, y));
+    if (middle.empty()) throw Error(ExitCode::input, "no surface in the middle of the photograph");
+    std::ranges::nth_element(middle, middle.begin() + std::ptrdiff_t(middle.size() / 2));
+    const Vec3d pivot{0, 0, double(middle[middle.size() / 2])};
+    const Vec3d axis = normalize(mat_cast<double>(camera.camera_from_world.R) * up);
+    const double half = degrees * std::acos(-1.0) / 360, s = std::sin(half);
+    const Mat3<double> turn =
+        rotation(Quat<double>{std::cos(half), s * axis.x, s * axis.y, s * axis.z});
+    const Rigid3f& from = camera.camera_from_world;
+    camera.camera_from_world = {mat_cast<float>(turn * mat_cast<double>(from.R)),
+                                vec_cast<float>(turn * (vec_cast<double>(from.t) - pivot) + pivot)};
+    return camera;
+}
+
+void draw(int argc, char** argv) {
+    if (argc < 7) throw Error(ExitCode::usage, "draw_mesh: see the first lines of its source");
+    SceneOptions options;
+    options.path = argv[3];
+    options.need_points = false;
+    const Scene scene = read_scene(options);
+    const TexturedMesh found = read_obj(argv[4], scene.origin);
+    std::vector<Camera> cameras;
+    const View* view = nullptr;
+    for (const View& each : scene.train) {
+        cameras.push_back(each.camera);
+        if (each.name == argv[5]) view = &each;
+    }
+    if (view == nullptr) throw Error(ExitCode::input, argv[5], ": not in ", argv[3]);
+    const Mat3<double> upright = upright_from_scene(cameras);
+    const Vec3d up{upright[1][0], upright[1][1], upright[1][2]};
+    const int width = std::stoi(argv[2]),
+              height = (width * view->camera.height_px + view->camera.width_px / 2) /
+                       view->camera.width_px;
+    const Camera camera = scaled_camera(view->camera, width, height);
+    constexpr int kGap = 4;
+    const int count = argc - 6;
+    ImageU8 strip(count * (width + kGap) - kGap, height, 3);
+    for (std::uint8_t& value : strip.pixels) value = 255;
+    for (int k = 0; k < count; ++k) {
+        const std::string panel = argv[6 + k];
+        const auto colon = panel.find(':');
+        const std::string kind = panel.substr(0, colon);
+        const double degrees = colon == std::string::npos ? 0 : std::stod(panel.substr(colon + 1));
+        ImageU8 image;
+        if (kind == "photo") {
+            image = resize_bicubic(view->photo, width, height);
+        } else if (kind == "texture" || kind == "plain") {
+            image = preview_mesh(found.mesh, turned(camera, found.mesh, degrees, up),
+                                 kind == "plain" ? MeshTexture{} : found.texture);
+        } else {
+            throw Error(ExitCode::usage, panel, ": expected photo, texture or plain");
+        }
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x)
+                for (int c = 0; c < 3; ++c)
+                    strip.at(k * (width + kGap) + x, y, c) = image.at(x, y, c);
+    }
+    std::ofstream(argv[1], std::ios::binary) << jpeg_bytes(strip, 75);
+}
+
+}  // namespace
+}  // namespace tvsgs::test
+
+int main(int argc, char** argv) {
+    try {
+        tvsgs::test::draw(argc, argv);
+    } catch (const tvsgs::Error& error) {
+        std::fprintf(stderr, "%s\n", error.what());
+        return static_cast<int>(error.code());
+    }
+}
