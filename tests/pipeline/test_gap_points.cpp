@@ -1,7 +1,9 @@
 // Points that fill the gaps of a stereo cloud, on a ball and a wall whose depth is known.
 #include "mvs/analytic_scene.h"
 #include "pipeline/priors/stereo_priors.h"
+#include "pipeline/scene/initial_points.h"
 #include "support/numeric.h"
+#include "support/random_gaussians.h"
 
 namespace tvsgs {
 namespace {
@@ -139,6 +141,34 @@ TEST_F(GapPoints, NoneInTheSkyAndNoneWithoutMeasuredPixels) {
     empty.depth.assign(empty.depth.size(), 0);
     empty.confidence.assign(empty.confidence.size(), 0);
     EXPECT_EQ(add_gap_points(completed_maps({empty}, views_), views_, {}, kSpacing, cloud_), 0u);
+}
+
+/// A sphere whose points are off by about half a spacing, and their normals by 0.3.
+TEST(StereoCloud, VotesMoveItsPointsToTheSurface) {
+    test::Random random(4);
+    PointCloud cloud;
+    std::vector<Vec3f> exact;
+    for (int i = 0; i < 2000; ++i) {
+        const Vec3d n = normalize(random.normal3());
+        exact.push_back(vec_cast<float>(n));
+        cloud.positions.push_back(vec_cast<float>(n + 0.04 * random.normal3()));
+        cloud.normals.push_back(vec_cast<float>(normalize(n + 0.3 * random.normal3())));
+        cloud.confidences.push_back(0.5f);
+    }
+    const auto errors = [&] {
+        Vec2<double> sum{};
+        for (std::size_t i = 0; i < exact.size(); ++i) {
+            sum.x += std::abs(1 - double(norm(cloud.positions[i])));
+            sum.y += 1 - double(dot(cloud.normals[i], exact[i]));
+        }
+        return sum;
+    };
+    const Vec2<double> before = errors();
+    refine_by_votes(choose_device("cpu"), 3, cloud);
+    const Vec2<double> after = errors();
+    EXPECT_LT(after.x, 0.5 * before.x);
+    EXPECT_LT(after.y, 0.3 * before.y) << "normals keep their side";
+    EXPECT_EQ(cloud.confidences.size(), exact.size());
 }
 
 }  // namespace
