@@ -31,8 +31,8 @@ ring_12_11_32: ring_12_11_32 01.png 45 hidden --split train_all
 fountain-P11: fountain-P11 0005.jpg 45 hidden
 dtu_scan24: dtu_scan24 000025.jpg 45 hidden --split train_9
 dtu_scan24_no_masks: dtu_scan24 000025.jpg 45 hidden --split train_9 --mask-use none
-stone_bust: stone_bust 0012.jpg 45 hidden --split train_9
-ycb_table: ycb_table 0012.jpg 45 hidden --split train_9
+stone_bust: stone_bust 0024.jpg 45 hidden --split train_9
+ycb_table: ycb_table 0024.jpg 45 hidden --split train_9
 "
 
 scenes=$(cd "$1" && pwd) out=$2
@@ -50,8 +50,13 @@ while IFS=': ' read -r set scene photograph degrees shown flags; do
         awk -v set="$set" -v ns=$(($(date +%s%N) - begin)) 'BEGIN { printf "%s %.1f s\n", set, ns / 1e9 }' \
             >>"$out/seconds.txt"
     fi
+    [[ $set != *_train_* ]] || continue
     panels=(plain "plain:$degrees")
     [[ $shown == shown ]] && panels=(photo texture "texture:$degrees" plain "plain:$degrees")
-    "$bin/draw_mesh" "$out/$set.jpg" $((1200 / ${#panels[@]})) "$scenes/$scene" "$run/mesh/mesh.obj" "$photograph" \
-        "${panels[@]}"
+    drawn=()
+    for each in "${run}_train_3" "${run}_train_6" "$run"; do # a ring shows all three in one picture
+        [[ ! -e $each/mesh/mesh.obj ]] || drawn+=("$each/mesh/mesh.obj" "${panels[@]}")
+    done
+    count=$((${#drawn[@]} * ${#panels[@]} / (${#panels[@]} + 1)))
+    "$bin/draw_mesh" "$out/$set.jpg" $((count == 2 ? 300 : 1200 / count)) "$scenes/$scene" "$photograph" "${drawn[@]}"
 done <<<"$sets"

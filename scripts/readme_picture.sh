@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the picture of README.md: a photograph, and the mesh from the same place, textured and plain.
 # Usage: scripts/readme_picture.sh SCENE PHOTOGRAPH [WORK]     WORK: runs/picture; keeps a mesh that is already there
-# README shows monstree of AliceVision (https://github.com/alicevision/dataset_monstree, CC BY-SA).
+# README shows DSC_0430.JPG of https://github.com/pierotofy/dataset_banana (MIT), 800 px wide.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,5 +13,5 @@ if [[ ! -e $work/mesh/mesh.obj ]]; then
     [[ -e $work/report.json ]] || "$bin/tvsgs-train" --scene "$scene" --out "$work"
     "$bin/tvsgs-extract-mesh" --model "$work" --out "$work/mesh/mesh.obj"
 fi
-"$bin/draw_mesh" docs/images/overview.jpg 500 "$scene" "$work/mesh/mesh.obj" "$photograph" photo texture plain
+"$bin/draw_mesh" docs/images/overview.jpg 400 "$scene" "$photograph" "$work/mesh/mesh.obj" photo texture plain
 ls -l docs/images/overview.jpg

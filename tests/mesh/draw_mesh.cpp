@@ -1,7 +1,7 @@
-// draw_mesh OUT.jpg WIDTH SCENE MESH.obj PHOTOGRAPH PANEL...: draws panels of WIDTH pixels side by
-// side for scripts/photographs_page.sh and scripts/readme_picture.sh. PANEL: photo, texture or
-// plain (the mesh from the place of the photograph), or texture:45, plain:-45 (from so many degrees
-// to the right around the surface).
+// draw_mesh OUT.jpg WIDTH SCENE PHOTOGRAPH {MESH.obj PANEL...}...: draws panels of WIDTH pixels
+// side by side for scripts/photographs_page.sh and scripts/readme_picture.sh. PANEL: photo, texture
+// or plain (the mesh from the place of the photograph), or texture:45, plain:-45 (from so many
+// degrees to the right around the surface).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -90,43 +90,46 @@ void draw(int argc, char** argv) {
     options.path = argv[3];
     options.need_points = false;
     const Scene scene = read_scene(options);
-    const TexturedMesh found = read_obj(argv[4], scene.origin);
     std::vector<Camera> cameras;
     const View* view = nullptr;
     for (const View& each : scene.train) {
         cameras.push_back(each.camera);
-        if (each.name == argv[5]) view = &each;
+        if (each.name == argv[4]) view = &each;
     }
-    if (view == nullptr) throw Error(ExitCode::input, argv[5], ": not in ", argv[3]);
+    if (view == nullptr) throw Error(ExitCode::input, argv[4], ": not in ", argv[3]);
     const Mat3<double> upright = upright_from_scene(cameras);
     const Vec3d up{upright[1][0], upright[1][1], upright[1][2]};
     const int width = std::stoi(argv[2]),
               height = (width * view->camera.height_px + view->camera.width_px / 2) /
                        view->camera.width_px;
     const Camera camera = scaled_camera(view->camera, width, height);
-    constexpr int kGap = 4;
-    const int count = argc - 6;
-    ImageU8 strip(count * (width + kGap) - kGap, height, 3);
-    for (std::uint8_t& value : strip.pixels) value = 255;
-    for (int k = 0; k < count; ++k) {
-        const std::string panel = argv[6 + k];
+    std::vector<ImageU8> panels;
+    TexturedMesh found;
+    for (int k = 5; k < argc; ++k) {
+        const std::string panel = argv[k];
+        if (panel.ends_with(".obj")) {
+            found = read_obj(panel, scene.origin);
+            continue;
+        }
         const auto colon = panel.find(':');
         const std::string kind = panel.substr(0, colon);
         const double degrees = colon == std::string::npos ? 0 : std::stod(panel.substr(colon + 1));
-        ImageU8 image;
-        if (kind == "photo") {
-            image = resize_bicubic(view->photo, width, height);
-        } else if (kind == "texture" || kind == "plain") {
-            image = preview_mesh(found.mesh, turned(camera, found.mesh, degrees, up),
-                                 kind == "plain" ? MeshTexture{} : found.texture);
-        } else {
+        if (kind == "photo")
+            panels.push_back(resize_bicubic(view->photo, width, height));
+        else if (kind == "texture" || kind == "plain")
+            panels.push_back(preview_mesh(found.mesh, turned(camera, found.mesh, degrees, up),
+                                          kind == "plain" ? MeshTexture{} : found.texture));
+        else
             throw Error(ExitCode::usage, panel, ": expected photo, texture or plain");
-        }
+    }
+    constexpr int kGap = 4;
+    ImageU8 strip(static_cast<int>(panels.size()) * (width + kGap) - kGap, height, 3, 255);
+    for (std::size_t k = 0; k < panels.size(); ++k)
         for (int y = 0; y < height; ++y)
             for (int x = 0; x < width; ++x)
                 for (int c = 0; c < 3; ++c)
-                    strip.at(k * (width + kGap) + x, y, c) = image.at(x, y, c);
-    }
+                    strip.at(static_cast<int>(k) * (width + kGap) + x, y, c) =
+                        panels[k].at(x, y, c);
     std::ofstream(argv[1], std::ios::binary) << jpeg_bytes(strip, 75);
 }
 
