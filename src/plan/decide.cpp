@@ -157,6 +157,15 @@ Decision decide_background(double share_beyond, bool masked) {
             {{"mesh.unbounded", meshed ? "true" : "false"}}};
 }
 
+Decision decide_confirmed() {
+    return {"confirmed surface",
+            "meshed alone",
+            "all renders show sky and blur alike",
+            kNone,
+            kNone,
+            {{"mesh.measured", "0.5"}}};
+}
+
 std::vector<Decision> decide_object(const CommonBall& ball) {
     // Interpolates 1 / radius. A room has cameras on all sides, too, but points on its walls.
     constexpr double kAllSides = 0.3, kOneSide = 0.5, kFewPoints = 0.25, kManyPoints = 0.5;

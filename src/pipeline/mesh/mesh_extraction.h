@@ -23,7 +23,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0, object = 0,
-          max_scale_px = 0, measured = 0.5f, holes = 20, smooth = 0.5f;
+          max_scale_px = 0, measured = 0, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
