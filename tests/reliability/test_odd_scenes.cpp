@@ -187,7 +187,8 @@ TEST_F(OddScenes, MasksThatHideEverything) {
     copy_scene("dark");
     for (const auto& mask : fs::directory_iterator(folder_ / "dark/masks"))
         write_png(mask.path().string(), ImageU8(48, 36, 1));
-    const Result r = expect_trained("--scene dark --views 0,1,2", "of_dark");
+    expect_refused("--scene dark --views 0,1,2", 3, "E_MASKS: all 3 masks are empty");
+    const Result r = expect_trained("--scene dark --views 0,1,2 --mask-use none", "of_dark");
     EXPECT_TRUE(r.says("3 of 3 masks are empty")) << r;
     const Result mesh = call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05");
     EXPECT_EQ(mesh.code, 7) << mesh;

@@ -51,7 +51,7 @@ TEST_F(PlanCommand, SaysMemoryAndTimeThatTheRunKeepsTo) {
     ASSERT_GT(megabytes, 0) << plan.out;
     const Result trained = call("train", flags + "--out costs");
     ASSERT_EQ(trained.code, 0) << trained;
-    EXPECT_NEAR(number_in(trained.err, "CPU, needs", "MB"), megabytes, 1) << "the same number";
+    EXPECT_NEAR(number_in(trained.err, "CPU,", "MB of memory"), megabytes, 1) << "the same number";
     EXPECT_TRUE(trained.says("Plan: few photographs; ")) << trained;
     EXPECT_FALSE(trained.says("fewer than 40")) << "reasons are for --plan: " << trained;
     const json done = last_line("costs"), told = json::parse(read("costs/memory.json"));
