@@ -16,6 +16,13 @@ protected:
         for (std::size_t i = 0; i < positions.size(); ++i)
             text += std::to_string(i + 1) + " " + positions[i] + " 90 80 70 0.5 1 0 2 0 3 0\n";
         write(scene + "/sparse/0/points3D.txt", text);
+        // Without the observations, which contradict the new positions.
+        std::istringstream in(read(model_file(scene, "images")));
+        std::string images;
+        int record = 0;
+        for (std::string l; std::getline(in, l);)
+            images += l.starts_with('#') ? "" : record++ % 2 == 0 ? l + "\n" : "\n";
+        write(model_file(scene, "images"), images);
     }
     /// The same scene in another unit of length.
     static void scale_model(const std::string& scene, double factor) {
