@@ -16,7 +16,7 @@ constexpr float kAlike = 0.3f;      // correlation; noise of two photographs has
 constexpr float kMinCosine = 0.1f;  // flatter views do not resolve a patch
 constexpr int kSteps = 20;          // of averaging over neighbours: about 5 edges, of a pixel each
 constexpr float kEncloses = 0.25f;  // share of measured surface at a pixel that ends open pixels
-constexpr std::size_t kMaxSamples = 4'000'000;  // of 112 bytes
+constexpr std::size_t kMaxSamples = 500'000;  // of 112 bytes; more change little
 
 using Patch = std::array<float, kSide * kSide>;
 
