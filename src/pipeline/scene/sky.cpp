@@ -60,10 +60,9 @@ void read_sky(PhotometricOptions& options, const std::string& run) {
     if (!has_sky(options)) return;
     const std::string file = file_of(run);
     if (!has_sky_file(run))
-        throw input_error(
-            run,
-            ": no sky.png, but the background is a sky (loss.photometric.background); "
-            "give the complete folder of a run trained with a sky");
+        throw input_error(run,
+                          ": no sky.png, which loss.photometric.background=", options.background,
+                          " needs; give the complete folder of a run with this background");
     ImageU8 sky = read_image(file, 3);
     if (sky.width != sky.height || sky.width < 2)
         throw input_error(file, ": ", sky.width, "x", sky.height,

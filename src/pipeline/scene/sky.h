@@ -33,7 +33,7 @@ bool has_sky_file(const std::string& run);
 /// Writes RUN/sky.png if the options have a map.
 void write_sky(const std::string& run, const PhotometricOptions& options);
 
-/// Reads the run's map if the background is a sky. Throws Error(ExitCode::input) if there is none.
+/// Reads the run's map if the background has one. Throws Error(ExitCode::input) if there is none.
 void read_sky(PhotometricOptions& options, const std::string& run);
 
 }  // namespace tvsgs
