@@ -304,6 +304,8 @@ TEST(SoftBackground, IsTheBlurredPhotographs) {
     EXPECT_LT(color_off(normalize(Vec3f{0.2f, 0.1f, 1}), normalize(Vec3f{0.2f, 0.1f, 1})), 6);
     // Above: as the upper border of the photographs, blurred.
     EXPECT_LT(color_off({0, -1, 0}, normalize(Vec3f{0, -60 / 130.0f, 1})), 35);
+    for (View& view : scene.train) view.mask.pixels.assign(view.mask.pixels.size(), kNoPhoto);
+    EXPECT_EQ(make_soft_background(scene.train).at(5, 5, 0), 0) << "no pixel counts";
 }
 
 TEST(SoftBackground, StaysWithTheRunAndNeedsNoSky) {

@@ -48,7 +48,8 @@ std::vector<std::size_t> points_outside_sky(const std::vector<View>& views,
 ImageU8 make_sky(const std::vector<View>& views, const SkyDetection& look);
 
 /// Returns a SkyMap [64 64 3] of the blurred photographs: the mean colour within some 10 degrees,
-/// and farther away of the nearest directions that a photograph shows. [docs/method/sky.md]
+/// and farther away of the nearest directions that a photograph shows; black if no pixel counts.
+/// [docs/method/sky.md]
 ImageU8 make_soft_background(const std::vector<View>& views);
 
 }  // namespace tvsgs

@@ -58,6 +58,7 @@ Vec3f soft_color(const std::vector<Seen>& seen, Vec3f direction) {
 ImageU8 make_soft_background(const std::vector<View>& views) {
     const std::vector<Seen> seen = seen_directions(views);
     ImageU8 map(kSize, kSize, 3);
+    if (seen.empty()) return map;
     parallel_for_heavy(Cpu{}, kSize * kSize, [&](int i) {
         const Vec2f place = {float(i % kSize) + 0.5f, float(i / kSize) + 0.5f};
         const Vec3f color = soft_color(
