@@ -5,6 +5,7 @@
 
 #include "core/device/threads.h"
 #include "core/math/quantile.h"
+#include "eval/points.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "pipeline/run/run_folder.h"
@@ -31,15 +32,14 @@ JsonValue read_json(const std::string& path) {
 
 /// Sides of the box of the points.
 JsonValue size_of(const std::vector<Vec3f>& points) {
-    Vec3f low = points.front(), high = low;
-    for (const Vec3f p : points)
-        for (int a = 0; a < 3; ++a)
-            low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
-    const Vec3d size = vec_cast<double>(high - low);
+    Points places;
+    for (const Vec3f p : points) places.push_back(vec_cast<double>(p));
+    const PointBounds box = bounds_of(places);
+    const Vec3d size = box.upper - box.lower;
     return std::vector{size.x, size.y, size.z};
 }
 
-/// What a pixel covers at the splats that the training views see; median. 0: they see none.
+/// Median width of a pixel, world units, at the splats that training views see; 0: they see none.
 double pixel_at(const Gaussians<Cpu>& splats, const std::vector<ViewCamera>& cameras) {
     constexpr int kSample = 1000;  // splats
     std::vector<double> sizes;

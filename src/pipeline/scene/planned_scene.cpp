@@ -256,8 +256,9 @@ MachineInputs Preparation::machine_inputs() const {
 void Preparation::provide_training(bool priors) {
     if (planned_ && priors) spdlog::debug("The plan:\n{}", plan_.text());
     read_fixed_splats(options_, scene_);  // as the rasteriser that was chosen draws them
-    if (priors) provide_soft_background(photometric_, scene_.train);
-    if (priors) provide_maps(device_, options_, std::move(stereo_), scene_);
+    if (!priors) return;
+    provide_soft_background(photometric_, scene_.train);
+    provide_maps(device_, options_, std::move(stereo_), scene_);
 }
 
 void Preparation::provide_resumed(const ResumePoint& point) {
