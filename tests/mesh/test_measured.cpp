@@ -91,7 +91,7 @@ TEST(Measured, RemovesWhatViewsShowDifferently) {
     const Photographed photos(many_views(6), noise);
     TriangleMesh mesh = wall();
     const MeasuredReport report = photos.keep(mesh);
-    EXPECT_LT(area(mesh), 0.05 * area(wall()));  // noise agrees by chance
+    EXPECT_LT(area(mesh), 0.03 * area(wall()));  // noise agrees by chance
     EXPECT_EQ(report.removed_faces, wall().faces.size() - mesh.faces.size());
     EXPECT_NEAR(report.removed_area, 1 - area(mesh) / area(wall()), 1e-6);
 }
@@ -117,11 +117,11 @@ TEST(Measured, CutsBetweenMeasuredAndOther) {
     photos.keep(mesh);
     double left = 0, right = 0;
     for (const Vec3f p : mesh.vertices) {
-        EXPECT_LT(p.x, 0.35) << "14 pixels beyond the texture";
+        EXPECT_LT(p.x, 0.325) << "13 pixels beyond the texture";
         left += p.x < 0, right += p.x >= 0;
     }
     EXPECT_GT(left, 0.9 * 0.5 * static_cast<double>(wall().vertices.size()));
-    EXPECT_GT(left, 4 * right);
+    EXPECT_GT(left, 4.5 * right);
 }
 
 TEST(Measured, PlainSurfaceStaysWhereHalfOfTheViewsEncloseIt) {
@@ -154,7 +154,7 @@ TEST(Measured, HalfOfTheViewsHaveToAgree) {
         return area(mesh) / area(wall());
     };
     EXPECT_GT(kept(4), 0.5);
-    EXPECT_LT(kept(2), 0.3);
+    EXPECT_LT(kept(2), 0.25);
 }
 
 /// Eight cameras around a ball, and a dome far behind that renders show and photographs do not.
