@@ -157,13 +157,15 @@ Decision decide_background(double share_beyond, bool masked) {
             {{"mesh.unbounded", meshed ? "true" : "false"}}};
 }
 
-Decision decide_confirmed() {
+Decision decide_confirmed(const SceneLook& look) {
+    const double share = look.views_in_widest_pairs * comparable(look.pair_angle_deg);
     return {"confirmed surface",
-            "meshed alone",
-            "all renders show sky and blur alike",
-            kNone,
-            kNone,
-            {{"mesh.measured", "0.5"}}};
+            share > 0 ? "meshed alone" : "meshed with all other",
+            str(percent(look.views_in_widest_pairs), " of the photographs have another within ",
+                kWidestAngleDeg, " degrees, in the median ", short_figure(look.pair_angle_deg)),
+            look.views_in_widest_pairs,
+            0,
+            {{"mesh.measured", rounded(share / 2)}}};
 }
 
 std::vector<Decision> decide_object(const CommonBall& ball) {

@@ -40,8 +40,8 @@ Decision decide_sky(double share);
 /// Whether surfaces far behind the scene's centre are meshed. `masked`: only points in masks.
 Decision decide_background(double share_beyond, bool masked = false);
 
-/// Meshes only surface that photographs confirm or enclose.
-Decision decide_confirmed();
+/// Meshes only surface that photographs confirm or enclose, if they are near enough to confirm any.
+Decision decide_confirmed(const SceneLook& look);
 
 /// Meshes only the object. Empty: the cameras or the points are not around one place.
 std::vector<Decision> decide_object(const CommonBall& ball);

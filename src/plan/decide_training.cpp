@@ -25,8 +25,8 @@ constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRe
 // share rises to 1 at kFewViews; lr.supported from kFewViews on.
 constexpr int kSupportedPerView = 400, kSupportedMost = 2500, kManyPerView = 125, kGapPx = 2;
 constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
-// Multi-view losses of wide pairs: in full up to this angle, not at all from kWidestAngleDeg on.
-constexpr double kFullAngleDeg = 45;
+// Share of the splats that an iteration leaves out, and ratio of their two largest axes.
+constexpr double kDropout = 0.05, kLongestAxis = 4;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat, pixels; without a start by stereo of kLeastViews, twice that for each more.
@@ -317,9 +317,7 @@ private:
             in_.supported && look_.views_in_widest_pairs > look_.views_in_wide_pairs;
         const double angle{widest ? kWidestAngleDeg : kWideAngleDeg};
         const double share = widest ? look_.views_in_widest_pairs : look_.views_in_wide_pairs;
-        const double weight =
-            widest ? std::clamp((angle - look_.pair_angle_deg) / (angle - kFullAngleDeg), 0.0, 1.0)
-                   : 1;
+        const double weight = widest ? comparable(look_.pair_angle_deg) : 1;
         const bool on = share > 0;
         const double strength = !on ? 0 : weight * (in_.dense ? 1 : covered_);
         // Before the splats are opaque, the compared depths are means of near and far ones. They
@@ -364,6 +362,15 @@ private:
                              kNone,
                              kNone,
                              {{"loss.photometric.background", kSoftBackground}}});
+            plan_.push_back(
+                {"unseen places",
+                 str(percent(kDropout), " of the splats left out, axes up to ", kLongestAxis,
+                     " to 1"),
+                 "stereo made the start points; then no pixel rests on a few splats, nor needles",
+                 kNone,
+                 kNone,
+                 {{"loss.photometric.dropout", str(kDropout)},
+                  {"model.longest_axis", str(kLongestAxis)}}});
             return;
         }
         if (!(look_.background_border > 0)) return;

@@ -151,6 +151,11 @@ BorderColor border_color(const std::vector<View>& views) {
 
 }  // namespace
 
+double comparable(double pair_angle_deg) {
+    constexpr double kFull = 45, kNothing = kWidestAngleDeg;
+    return std::clamp((kNothing - pair_angle_deg) / (kNothing - kFull), 0.0, 1.0);
+}
+
 SceneLook look_at(const Scene& scene,
                   const ViewPairOptions& limits,
                   bool masks,

@@ -174,6 +174,8 @@ TEST(Plan, DrawsTheBlurredPhotographsWhereStereoMadeTheStart) {
         return sets(by_cloud(0.2, 3, change), "loss.photometric.background", kSoftBackground);
     };
     EXPECT_TRUE(background(by_stereo));
+    EXPECT_TRUE(sets(by_cloud(0.2, 3, by_stereo), "loss.photometric.dropout", "0.05"));
+    EXPECT_TRUE(sets(by_cloud(0.2, 3, by_stereo), "model.longest_axis", "4"));
     EXPECT_FALSE(background({}));
     for (const MaskUse use : {MaskUse::object, MaskUse::none})
         EXPECT_EQ(background([use](TrainingInputs& in) {
@@ -185,6 +187,20 @@ TEST(Plan, DrawsTheBlurredPhotographsWhereStereoMadeTheStart) {
         by_stereo(in);
         in.options.loss.photometric.background = "sky";
     }));
+}
+
+TEST(Plan, ConfirmsSurfaceOnlyByViewsThatCanBeCompared) {
+    const auto share = [](double in_pairs, double angle_deg) {
+        SceneLook look;
+        look.views_in_widest_pairs = in_pairs, look.pair_angle_deg = angle_deg;
+        return value_of(decide_confirmed(look).settings, "mesh.measured", -1);
+    };
+    EXPECT_EQ(share(1, 20), 0.5);
+    EXPECT_EQ(share(1, 45), 0.5);
+    EXPECT_NEAR(share(1, 52.5), 0.25, 1e-6);
+    EXPECT_NEAR(share(1, 59.4), 0.02, 1e-6);
+    EXPECT_EQ(share(0, 0), 0) << "no pair";
+    EXPECT_NEAR(share(0.4, 30), 0.2, 1e-6);
 }
 
 TEST(Plan, OnlyAStartByStereoHasASurface) {

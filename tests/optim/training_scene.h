@@ -41,11 +41,13 @@ inline TrainOptions everything_on(int iterations) {
     o.loss.multi_view.max_distance = 3;
     o.loss.photometric.exposure = true;
     o.loss.photometric.exposure_start = 11;
+    o.loss.photometric.dropout = 0.1f;
     o.loss.tv_normal.weight = 0.05f;
     o.loss.tv_position.weight = 0.05f;
     o.tv.k = 20;
     o.tv.refresh_every = 20;
     o.model.sh_every = 10;
+    o.model.longest_axis = 3;
     o.densify.from = 10;
     o.densify.every = 10;
     o.densify.trim_every = 20;

@@ -24,7 +24,8 @@ enum class RandomStream : std::uint32_t {
     depth_pairs = 20,
     depth_ranks = 21,
     background = 22,
-    pose_noise = 23
+    pose_noise = 23,
+    dropout = 24
 };
 
 /// Four words of 32 random bits.

@@ -22,6 +22,7 @@ namespace tvsgs {
 struct ModelOptions {
     int sh_degree = 3;
     int sh_every = 1000;
+    float longest_axis = 0;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -29,6 +30,8 @@ struct ModelOptions {
               "degree of the SH coefficients; 0: no view-dependent colour");
         field("sh_every", sh_every, {1, 1e9},
               "iterations after which the SH degree in use rises by one");
+        field("longest_axis", longest_axis, {0, 1e6},
+              "largest axis of a splat, in multiples of the second largest; 0: no limit");
     }
 };
 

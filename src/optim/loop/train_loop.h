@@ -1,6 +1,8 @@
 // The training loop; included by one file per device.
 #pragma once
 
+#include "optim/loop/dropout.h"
+#include "optim/loop/longest_axis.h"
 #include "optim/loop/train_state.h"
 
 namespace tvsgs {
@@ -35,6 +37,7 @@ Gaussians<Device> train(const Scene& scene,
         if (callbacks.on_cameras) callbacks.on_cameras(*moved);
     };
 
+    Buffer<float, Device> dropout_space;
     while (training.state().done < options.iterations) {
         // A rollback replaces the state.
         TrainState<Device>& s = training.state();
@@ -54,19 +57,27 @@ Gaussians<Device> train(const Scene& scene,
                    changes = s.densifier.may_change_structure(step), steps = !changes && !last;
         const DeviceView<Device>& view = iteration.fetch(step, s.sampler.view(step), s.losses,
                                                          [&] { return s.sampler.view(step + 1); });
-        iteration.propagate(step, view, s.gaussians, s.losses, s.field, steps,
-                            s.cameras.gradient_of(step, view.index),
-                            [&](auto& values) { training.watch(step, view.index, values.span()); });
+        {
+            const Dropout<Device> left_out(options.loss.photometric.dropout,
+                                           std::uint64_t(options.seed), step, s.gaussians,
+                                           dropout_space);
+            iteration.propagate(step, view, s.gaussians, s.losses, s.field, steps,
+                                s.cameras.gradient_of(step, view.index), [&](auto& values) {
+                                    training.watch(step, view.index, values.span());
+                                });
+        }
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // Check before splats are added or removed: a removed splat could no longer be named.
         if ((report || !steps || step % kCheckEvery == 0) && !training.check(step)) continue;
         if (report) callbacks.on_report(make_report(step, iteration, s));
-        if (steps)
+        if (steps) {
             // A reset replaces the step of the opacities, as in the official codes.
             iteration.descend(step, s.adam, s.gaussians, !s.densifier.resets_opacity(step),
                               training.halted());
-        else
+            bound_longest_axis(options.model.longest_axis, s.gaussians);
+        } else {
             iteration.finish_statistics();
+        }
         if (!last) iteration.clock("densify", [&] { training.grow(step, iteration); });
         s.cameras.step_done(step, options.iterations);
         training.step_done(step);

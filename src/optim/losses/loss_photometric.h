@@ -13,7 +13,7 @@
 namespace tvsgs {
 
 struct PhotometricOptions {
-    float weight = 1, ssim = 0.2f, geometry = 1;
+    float weight = 1, ssim = 0.2f, geometry = 1, dropout = 0;
     bool exposure = false;
     int exposure_start = 1001, geometry_full = 0;
     MaskUse masks = MaskUse::automatic;
@@ -30,6 +30,8 @@ struct PhotometricOptions {
               "share of the gradient that moves, turns and scales splats with init.support");
         field("geometry_full", geometry_full, {0, 1e9},
               "iteration at which that share has risen to 1, in a straight line; 0: it stays");
+        field("dropout", dropout, {0, 0.9},
+              "share of the splats that an iteration leaves out, in groups of neighbours");
         field("exposure", exposure,
               "fit brightness and offset of each photograph, in the L1 term (PGSR)");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that fit");

@@ -191,7 +191,7 @@ void Preparation::decide_training() {
     }
     for (const Decision& decision : tvsgs::decide_training(look_, training_inputs()))
         apply(held_exposure(decision, options_));
-    if (scene_.train.size() > 1) apply(decide_confirmed());
+    apply(decide_confirmed(look_));
     if (!pinned("mesh.depth_max") && !pinned("mesh.box")) {
         PointCloud meshed = scene_.points;
         const bool masked = options_.mesh.masks && look_.outside;
