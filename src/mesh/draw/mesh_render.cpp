@@ -255,6 +255,12 @@ ImageF render_depth(const TriangleMesh& mesh, const Camera& camera) {
     return depth;
 }
 
+Image<int> render_faces(const TriangleMesh& mesh, const Camera& camera) {
+    Image<int> faces(camera.width_px, camera.height_px, 0);
+    faces.channels = 1, faces.pixels = find_hits(mesh, camera).face;
+    return faces;
+}
+
 MeshRender render_mesh(const TriangleMesh& mesh,
                        const Camera& camera,
                        const MeshRenderOptions& options,

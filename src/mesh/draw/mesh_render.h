@@ -34,6 +34,9 @@ MeshRender render_mesh(const TriangleMesh& mesh,
 /// Only the depth map of render_mesh().
 ImageF render_depth(const TriangleMesh& mesh, const Camera& camera);
 
+/// Only the faces of render_mesh().
+Image<int> render_faces(const TriangleMesh& mesh, const Camera& camera);
+
 /// Camera with the orientation of the middle one of `cameras` (at least one) that frames most of
 /// the vertices, without outliers.
 Camera preview_camera(const TriangleMesh& mesh,

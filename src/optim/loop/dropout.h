@@ -1,5 +1,5 @@
 // Leaves groups of neighbouring splats out of an iteration, so that no pixel rests on a few splats.
-// [docs/method/dropout.md]
+// [docs/method/pictures.md]
 #pragma once
 
 #include "core/device/parallel.h"

@@ -1,5 +1,5 @@
 // Keeps splats from becoming needles. Views from the side see axes that the training views, along
-// them, see shortened. [docs/method/dropout.md#needles]
+// them, see shortened. [docs/method/pictures.md]
 #pragma once
 
 #include <cmath>
