@@ -49,6 +49,16 @@ TEST(CameraModel, RejectsWrongNumbers) {
     expect_error(ExitCode::input, "E_CAMERA_PARAMS", [&] {
         make("SIMPLE_RADIAL", {500, 320, 240, nan});
     });
+    for (const double focal : {1e-6, 6.3})  // the picture is 640 pixels wide
+        expect_error(ExitCode::input, "see 179 degrees or more", [&] {
+            make("PINHOLE", {500, focal, 320, 240});
+        });
+    EXPECT_EQ(make("PINHOLE", {500, 6.5, 320, 240}).fy_px, 6.5);
+    for (const auto& [x, y] : {std::pair(100000.0, 240.0), {-5001.0, 240.0}, {320.0, 5481.0}})
+        expect_error(ExitCode::input, "turns the whole picture", [&, x = x, y = y] {
+            make("PINHOLE", {500, 500, x, y});
+        });
+    EXPECT_EQ(make("PINHOLE", {500, 500, -4999, 5479}).cx_px, -4999);
     const std::pair<std::uint64_t, std::uint64_t> sizes[] = {
         {0, 1}, {1, 0}, {65536, 1}, {65535, 65535}, {~0ull, ~0ull}};
     for (const auto& [w, h] : sizes)

@@ -132,6 +132,16 @@ Intrinsics make_intrinsics(const std::string& path,
     if (!std::ranges::all_of(params, [](double p) { return std::isfinite(p); }))
         throw input_error("E_CAMERA_PARAMS: ", where, ": a parameter is not a finite number");
     const double size = static_cast<double>(std::max(width, height));
+    if (std::min(in.fx_px, in.fy_px) < 0.01 * size)
+        throw input_error("E_CAMERA_FOCAL: ", where, ": focal lengths ", in.fx_px, ", ", in.fy_px,
+                          " for ", width, "x", height, " pixels see 179 degrees or more; expected ",
+                          "pixels, about ", size, ": calibrate again");
+    const auto outside = [](double c, int side) { return std::max({0.0, -c, c - side}); };
+    if (outside(in.cx_px, in.width_px) > 10 * in.fx_px ||
+        outside(in.cy_px, in.height_px) > 10 * in.fy_px)
+        throw input_error("E_CAMERA_PARAMS: ", where, ": principal point (", in.cx_px, ", ",
+                          in.cy_px, ") turns the whole picture by more than 84 degrees; expected ",
+                          "about (", in.width_px / 2, ", ", in.height_px / 2, "): calibrate again");
     for (const double f : {in.fx_px, in.fy_px})
         if (f < 0.05 * size || f > 100 * size) {
             spdlog::warn(
