@@ -173,6 +173,34 @@ TEST_F(Priors, ThatFitNothingAreRefused) {
     }
 }
 
+TEST_F(Priors, WithoutANumberAreLeftOutOrRefused) {
+    const std::string dir = write({.format = "json"}) + "/priors";
+    const auto empty = [&](int i) {
+        const ImageF none(160, 120, 3, NAN);
+        const fs::path priors = folder_ / "scene" / dir;
+        write_npy(priors / str("depth/000", i, ".npy"), {120, 160}, none.pixels.data());
+        write_npy(priors / str("normal/000", i, ".npy"), {120, 160, 3}, none.pixels.data());
+    };
+    empty(2);
+    const Scene scene = read_folder(dir);
+    EXPECT_TRUE(said("depth maps of 1 views have no valid number: 0002.png")) << said_;
+    EXPECT_TRUE(said("normal maps of 1 views have no valid number: 0002.png")) << said_;
+    EXPECT_EQ(find(scene.train[2], prior_map::kDepth), nullptr);
+    EXPECT_EQ(find(scene.train[2], prior_map::kNormal), nullptr);
+    EXPECT_NE(find(scene.train[1], prior_map::kNormal), nullptr);
+    for (int i = 0; i < 5; ++i) empty(i);
+    for (const std::string_view map : {prior_map::kDepth, prior_map::kNormal})
+        EXPECT_THROW(
+            try { read_folder(dir, {}, {map}); } catch (const Error& error) {
+                EXPECT_EQ(error.code(), ExitCode::input);
+                EXPECT_NE(std::string(error.what()).find("maps of 5 views have no valid number"),
+                          std::string::npos)
+                    << error.what();
+                throw;
+            },
+            Error);
+}
+
 TEST_F(Priors, OfOneBadViewAreLeftOut) {
     const std::string dir = write({.format = "vggt"});
     const fs::path maps = folder_ / "scene" / dir / "depth_vggt";

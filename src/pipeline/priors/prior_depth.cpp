@@ -48,7 +48,7 @@ PriorSamples samples_of(const PlacedMap& placed, const PriorView& view) {
 
 /// Samples, interpretation and fit of a view's map.
 struct FittedView {
-    const PriorFile* file = nullptr;
+    const PriorFile* file = nullptr;  // null: none, or without a valid number
     PriorSamples samples;
     PriorReading reading;
     PriorFit fit;
@@ -183,11 +183,21 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
     // 1. Sample the maps at the scene's points.
     std::vector<FittedView> fitted(views.size());
     parallel_for_throwing(count, [&](int i) {
-        FittedView& view = fitted[i];
         const PriorView& from = views[i];
-        view.file = file_of(source, from);
-        if (view.file) view.samples = samples_of(read_depth(source, *view.file, from), from);
+        const PriorFile* const file = file_of(source, from);
+        if (file == nullptr) return;
+        const PlacedMap placed = read_depth(source, *file, from);
+        if (std::ranges::all_of(placed.map.pixels, [](float v) { return std::isnan(v); })) return;
+        fitted[i].file = file, fitted[i].samples = samples_of(placed, from);
     });
+    std::vector<std::string> empty_maps;
+    std::size_t maps = 0;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        if (file_of(source, views[i]) == nullptr) continue;
+        ++maps;
+        if (!fitted[i].file) empty_maps.push_back(views[i].view->name);
+    }
+    report_empty_maps("depth", source, empty_maps, maps);
 
     // 2. Choose the interpretation, and fit scale and shift of each view.
     std::vector<PriorSamples> reliable;

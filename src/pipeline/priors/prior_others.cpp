@@ -129,9 +129,16 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
     const std::vector<WithFile> files = with_files(source, views);
     const std::vector<Vec3f> surface = cloud_normals(in.points);
     std::vector<std::vector<NormalSample>> found(files.size());
+    std::vector<char> empty(files.size());
     for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
-        found[i] = samples_of(read_normals(source, file, view), view, in.points, surface);
+        const PlacedMap placed = read_normals(source, file, view);
+        empty[i] = std::ranges::all_of(placed.map.pixels, [](float n) { return std::isnan(n); });
+        found[i] = samples_of(placed, view, in.points, surface);
     });
+    std::vector<std::string> empty_maps;
+    for (std::size_t i = 0; i < files.size(); ++i)
+        if (empty[i]) empty_maps.push_back(files[i].view->view->name);
+    report_empty_maps("normal", source, empty_maps, files.size());
     std::vector<NormalSample> samples;
     for (const auto& of_view : found) samples.insert(samples.end(), of_view.begin(), of_view.end());
     const NormalChoice choice = choose_normals(samples, source.convention);
@@ -156,7 +163,7 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
             bad.size(), listed(bad));
 
     for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
-        if (left_out[i]) return;
+        if (left_out[i] || empty[i]) return;
         ImageF sized = at_photo_size(read_normals(source, file, view), *view.view);
         const std::vector<std::uint8_t> sky = sky_of(in, view);
         const Camera& camera = view.view->camera;
@@ -177,8 +184,8 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
     const std::string tested = choice.cosine != 0 ? str(", within ", degrees_of(choice.cosine),
                                                         " of ", grouped(choice.samples), " points")
                                                   : ", not checked: too few points";
-    return str("normals", of_views(files.size() - bad.size(), views.size()), " (", source.what,
-               ": ", text_of(choice.reading), tested, ")");
+    return str("normals", of_views(files.size() - bad.size() - empty_maps.size(), views.size()),
+               " (", source.what, ": ", text_of(choice.reading), tested, ")");
 }
 
 std::string fill_features(const PriorInputs& in, std::vector<PriorView>& views) {

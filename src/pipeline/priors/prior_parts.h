@@ -50,6 +50,13 @@ std::vector<std::uint8_t> sky_of(const PriorInputs& in, const PriorView& view);
 /// Adds a map of the photograph's size.
 void add_map(View& view, std::string_view name, int channels, std::vector<float> values);
 
+/// Warns of views whose maps have no number at all; throws Error(ExitCode::input) if these are all
+/// `maps`. `kind`: "depth".
+void report_empty_maps(const std::string& kind,
+                       const PriorFiles& files,
+                       const std::vector<std::string>& views,
+                       std::size_t maps);
+
 /// The first five names, each with a remark; for messages.
 std::string listed(const std::vector<std::string>& names);
 

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
+#include "io/files/read_file.h"
 #include "io/scene/scene_layout.h"
 #include "mvs/stereo/descriptors.h"
 #include "pipeline/priors/prior_parts.h"
@@ -61,6 +62,19 @@ std::string listed(const std::vector<std::string>& names) {
     for (std::size_t i = 0; i < std::min(names.size(), kShown); ++i)
         text += (i > 0 ? ", " : "") + names[i];
     return names.size() > kShown ? str(text, " and ", names.size() - kShown, " more") : text;
+}
+
+void report_empty_maps(const std::string& kind,
+                       const PriorFiles& files,
+                       const std::vector<std::string>& views,
+                       std::size_t maps) {
+    if (views.empty()) return;
+    const std::string what =
+        str(kind, " maps of ", views.size(), " views have no valid number: ", listed(views));
+    if (views.size() == maps)
+        throw input_error("E_PRIORS: ", files.what, ": all ", what,
+                          "; make them again, or remove them");
+    spdlog::warn("Priors: {}", what);
 }
 
 namespace {
