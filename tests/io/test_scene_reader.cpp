@@ -1,4 +1,6 @@
 // Reading of scenes: layouts, views, points, cameras.
+#include <sys/stat.h>
+
 #include "io/scene_reader_test.h"
 #include "io/splats/ply.h"
 
@@ -140,6 +142,25 @@ TEST_F(SceneReader, MissingImages) {
     expect_input_error("E_TOO_FEW_VIEWS");
     fs::remove(folder / "images/0.png");
     expect_input_error("E_NO_IMAGES");
+}
+
+TEST_F(SceneReader, WhatIsNoFileIsNamed) {
+    fs::remove(folder / "images/1.png");
+    fs::create_symlink("nothing", folder / "images/1.png");
+    EXPECT_EQ(read().train.size(), 3u) << "missing";
+    const auto photo = [&](const auto& make) {
+        fs::remove(folder / "images/1.png");
+        make(folder / "images/1.png");
+        expect_input_error("images/1.png: ");
+    };
+    photo([](const fs::path& path) { ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0); });
+    photo([](const fs::path& path) { fs::create_directory(path); });
+    photo([](const fs::path& path) { fs::create_symlink("1.png", path); });
+    fs::create_symlink("masks", folder / "masks");
+    expect_input_error("masks: Too many levels of symbolic links");
+    fs::remove(folder / "masks"), fs::remove_all(folder / "images");
+    fs::create_symlink("images", folder / "images");
+    expect_input_error("images/0.png: cannot open it: Too many levels of symbolic links");
 }
 
 TEST_F(SceneReader, BrokenImage) {

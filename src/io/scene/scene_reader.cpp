@@ -40,8 +40,7 @@ public:
 
 private:
     static std::optional<std::string> find_with_extensions(const fs::path& path) {
-        const bool listed = is_file(path);
-        if (listed && has_image_extension(path.string())) return path.string();
+        if (is_file(path) && has_image_extension(path.string())) return path.string();
         for (std::string extension : kImageExtensions)
             for (const bool upper : {false, true}) {
                 if (upper)
@@ -51,12 +50,26 @@ private:
                 const fs::path other = fs::path(path).replace_extension(extension);
                 if (is_file(other)) return other.string();
             }
-        // Keeps unsupported formats such as TIFF: reading them reports what to do.
-        return listed ? std::optional(path.string()) : std::nullopt;
+        // Keeps formats such as TIFF, folders, pipes and loops: reading them reports what to do.
+        std::error_code code;
+        const bool is_there = fs::status(path, code).type() != fs::file_type::not_found;
+        return is_there ? std::optional(path.string()) : std::nullopt;
     }
     fs::path folder_;
     std::map<std::string, int> uses_;
 };
+
+/// Runs `action`. Names the scene in errors; turns those of the file system into wrong input.
+template <class Action>
+auto reading_scene(const SceneOptions& options, const Action& action) {
+    return with_context(str("reading scene ", options.path), [&] {
+        try {
+            return action();
+        } catch (const fs::filesystem_error& error) {  // such as a link to itself
+            throw input_error(error.path1().string(), ": ", error.code().message());
+        }
+    });
+}
 
 /// Finds the mask of an image: same name, else the same number (DTU: 000.png belongs to
 /// 000000.jpg).
@@ -266,12 +279,11 @@ PixelSize resized_size(int resolution, int width, int height) {
 }
 
 Vec3d read_scene_origin(const SceneOptions& options) {
-    return with_context(str("reading scene ", options.path),
-                        [&] { return origin_of(read_layout(options).model); });
+    return reading_scene(options, [&] { return origin_of(read_layout(options).model); });
 }
 
 ChosenViews choose_views(const SceneOptions& options) {
-    return with_context(str("reading scene ", options.path), [&] {
+    return reading_scene(options, [&] {
         SceneLayout layout = read_layout(options);
         const ColmapModel& model = layout.model;
         resized_size(options.resolution, 1, 1);  // reports a wrong value before loading
@@ -337,7 +349,7 @@ std::string PhotoStorage::reason() const {
 }
 
 Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
-    return with_context(str("reading scene ", options.path), [&] {
+    return reading_scene(options, [&] {
         const SceneLayout& layout = chosen.layout;
         const ColmapModel& model = layout.model;
 
