@@ -132,6 +132,10 @@ Arguments parse(int argc, char** argv, Configuration& configuration) {
     if (fs::equivalent(find_splats(a.input), a.output, failure))
         throw usage_error(a.output, ": this is the input file; choose another name");
     require_output(a.output, {".ply", ".spz", ".sog", ".glb"}, options.scene);
+    if (lower_case(a.output).ends_with(".compressed.ply"))
+        throw usage_error(a.output,
+                          ": compressed PLY is not written; use .sog or .spz, which are "
+                          "smaller, or another name for an ordinary PLY");
     if (fs::is_directory(a.output, failure) || !splat_format(a.output))
         throw usage_error(a.output, ": is a folder; expected a file name");
     for (const auto& [flag, format, ending] :

@@ -243,6 +243,7 @@ TEST_F(ExportCommand, RefusesWithOneLine) {
     expect_refused("nothing x.spz", 3, "nothing: not found");
     expect_refused("some.ply", 2, "expected tvsgs-export INPUT OUTPUT");
     expect_refused("some.ply x.splat", 2, "; use .ply, .spz, .sog or .glb");
+    expect_refused("some.ply x.Compressed.ply", 2, "compressed PLY is not written");
     expect_refused("some.ply some.ply", 2, "this is the input file");
     expect_refused("some.ply x.spz --spz-version 5", 2, "--spz-version");
     expect_refused("some.ply x.spz --spz-sh-bits 5", 2, "two numbers from 1 to 8");
