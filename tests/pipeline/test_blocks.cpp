@@ -281,6 +281,8 @@ TEST_F(BlocksFiles, DamageIsSaidWithBlockFileAndRemedy) {
     expect_all(inputs(), {"views.txt is missing"});
     replace(block + "/block.json", "\"points\": 10", "\"points\": 11");
     expect_all(inputs(), {"block.json", "is damaged"});
+    manifest_.files.clear();
+    expect_all(inputs(), {"block 2", "manifest.json lists no block_002/block.json"});
 }
 
 TEST(BlocksGeometry, SharesSumToOneAndHalveAtCuts) {

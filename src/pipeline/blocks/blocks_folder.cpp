@@ -278,9 +278,11 @@ void write_block_inputs(const BlocksManifest& manifest, const BlockInputs& input
 BlockInputs read_block_inputs(const BlocksManifest& manifest, int block) {
     const std::string folder = manifest.block_folder(block), name = manifest.block_name(block);
     const std::string whose = str("block ", block);
-    for (const FileRecord& file : manifest.files)
-        if (file.name == name + "/block.json")
-            require_files(manifest.folder, {file}, whose, kSplitAgain);
+    const auto record = std::ranges::find(manifest.files, name + "/block.json", &FileRecord::name);
+    if (record == manifest.files.end())
+        throw input_error(whose, ": ", manifest.folder, "/manifest.json lists no ", name,
+                          "/block.json; ", kSplitAgain);
+    require_files(manifest.folder, {*record}, whose, kSplitAgain);
     const Reader in(folder + "/block.json", kSplitAgain);
     BlockInputs inputs;
     read_record(in, manifest, block, inputs);
