@@ -16,6 +16,7 @@
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
 #include "io/scene/scene_layout.h"
+#include "io/scene/scene_reader.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
 #include "report/report.h"
@@ -29,6 +30,8 @@ using Words = std::vector<std::string>;  // a command line
 
 struct Arguments {
     std::string photos, out, quality = "normal", device = "auto";
+    std::optional<int> resolution;
+    double time_budget = 0;
     bool overwrite = false;
     Words of_machine;  // flags for all programs that change no result
 };
@@ -50,12 +53,18 @@ Arguments parse(int argc, char** argv) {
                "draft: photographs 800 pixels wide, 2,000 iterations; normal: 1,600 pixels, "
                "iterations by the plan; best: 3,200 pixels, 500 iterations per photograph and at "
                "least 15,000. If the narrowest photograph is smaller, its width decides");
+    app.add_option("-r,--resolution", a.resolution,
+                   "size of the photographs in the training: 1, 2, 4, 8: divide it; other: width "
+                   "in pixels [by --quality]");
+    add_number(app, "--time-budget", a.time_budget, 0, 1e9,
+               "shorten the training to so many seconds [0: no limit]");
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
     app.add_flag("--overwrite", a.overwrite,
                  "start anew: remove the files that an earlier call wrote to OUT");
     add_log_flags(app);
     parse_command_line(app, argc, argv);
     if (a.device != "auto" && (!kHasCuda || !a.device.starts_with("cuda"))) choose_device(a.device);
+    resized_size(a.resolution.value_or(-1), 1, 1);  // reports a wrong value
     while (a.out.size() > 1 && a.out.ends_with('/')) a.out.pop_back();
     if (app.count("--threads") > 0) a.of_machine = {"--threads", str(thread_count())};
     return a;
@@ -217,14 +226,16 @@ Words Reconstruction::words(const StageKind& kind) const {
     const auto add = [&](const char* flag, auto value) {
         words.insert(words.end(), {flag, str(value)});
     };
-    if (a_.quality == "draft") {
-        if (width > 800) add("--resolution", 800);
-        add("--iterations", 2000);
-    }
-    if (a_.quality == "best") {
-        if (width > 1600) add("--resolution", std::min(width, 3200));
-        add("--iterations", std::max<std::size_t>(15000, 500 * layout->model.images.size()));
-    }
+    const bool draft = a_.quality == "draft", best = a_.quality == "best";
+    if (a_.resolution)
+        add("--resolution", *a_.resolution);
+    else if (draft && width > 800)
+        add("--resolution", 800);
+    else if (best && width > 1600)
+        add("--resolution", std::min(width, 3200));
+    if (draft) add("--iterations", 2000);
+    if (best) add("--iterations", std::max<std::size_t>(15000, 500 * layout->model.images.size()));
+    if (a_.time_budget > 0) add("--time-budget", a_.time_budget);
     words.push_back("--resume");  // starts the run, or continues it
     return words;
 }

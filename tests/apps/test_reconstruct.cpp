@@ -198,9 +198,9 @@ TEST_F(Reconstruct, QualityChoosesSizeAndIterations) {
     write("large/sparse/0/cameras.txt", "1 PINHOLE 4000 3000 4000 4000 2000 1500\n");
     write("large/sparse/0/images.txt", images);
     write("before_train", "exit 9");
-    const auto flags = [&](const std::string& quality) {
-        fs::remove(folder / "calls.txt");
-        EXPECT_EQ(run("large " + quality + " --quality " + quality).code, 9);
+    const auto flags = [&](const std::string& quality, const std::string& more = "") {
+        fs::remove_all(folder / quality), fs::remove(folder / "calls.txt");
+        EXPECT_EQ(run("large " + quality + " --quality " + quality + more).code, 9);
         const std::string call = text("calls.txt"), before = "/" + quality + "/run ";
         const std::size_t at = call.find(before);
         return at == call.npos ? call : call.substr(at + before.size());
@@ -208,6 +208,9 @@ TEST_F(Reconstruct, QualityChoosesSizeAndIterations) {
     EXPECT_EQ(flags("draft"), "--resolution 800 --iterations 2000 --resume\n");
     EXPECT_EQ(flags("normal"), "--resume\n");
     EXPECT_EQ(flags("best"), "--resolution 3200 --iterations 20000 --resume\n");
+    EXPECT_EQ(flags("best", " -r 4"), "--resolution 4 --iterations 20000 --resume\n");
+    EXPECT_EQ(flags("draft", " -r 300 --time-budget 90.5"),
+              "--resolution 300 --iterations 2000 --time-budget 90.5 --resume\n");
 }
 
 TEST_F(Reconstruct, AStoppedTrainingContinues) {
@@ -266,6 +269,8 @@ TEST_F(Reconstruct, BadInputIsRefusedBeforeAnythingRuns) {
     refused("photos foreign", 2, "has other files");
     refused("photos foreign --overwrite", 2, "has other files");
     refused("photos out --device gpu", 2, "expected auto, cpu, cuda or cuda:N");
+    refused("photos out -r 0", 2, "expected -1, 1, 2, 4, 8 or a width in pixels");
+    refused("photos out --time-budget -1", 2, "--time-budget");
     refused("photos out --quality high", 2, "expected one of draft,normal,best");
     refused("photos", 2, "expected tvsgs-reconstruct PHOTOS OUT");
     EXPECT_EQ(text("foreign/mine.txt"), "mine");
