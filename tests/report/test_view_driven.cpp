@@ -26,6 +26,7 @@ async function drive(viewer) {
   await rest(); note('start');
   key('ArrowLeft'); note('left'); key('ArrowRight'); note('back');
   key('ArrowUp', true); note('shifted'); key('ArrowDown', true); note('unshifted');
+  key('PageUp'); note('ahead'); key('PageDown'); note('behind');
   key('+'); note('near'); key('0'); await rest(); note('reset');
   point('pointerdown', 1, 100, 100); point('pointermove', 1, 140, 100); note('dragged');
   point('pointerdown', 2, 200, 100); point('pointermove', 2, 240, 100); note('pinched');
@@ -73,10 +74,11 @@ async function drive(viewer) {
     ASSERT_FALSE(text.empty()) << text_of(html, "status");
     const JsonValue seen = parse_json_value(text, "seen");
     const auto at = [&](const char* name) { return seen[name].text; };
-    for (const char* moved : {"left", "shifted", "near", "dragged", "wheel", "camera"})
+    for (const char* moved : {"left", "shifted", "ahead", "near", "dragged", "wheel", "camera"})
         EXPECT_NE(at(moved), at("start")) << moved;
     EXPECT_EQ(at("back"), at("start"));
     EXPECT_EQ(at("unshifted"), at("start"));
+    EXPECT_EQ(at("behind"), at("start"));
     EXPECT_EQ(at("reset"), at("start"));
     EXPECT_NE(at("pinched"), at("dragged"));
     EXPECT_EQ(at("released"), at("pinched"));

@@ -51,9 +51,8 @@ function turned(view, up, yaw, pitch) {
   return rise(over) > 0.996 && rise(over) > rise(round) ? round : over;  // stops before the pole
 }
 
-function shifted(view, right, down) {
-  const by = plus(
-      plus([0, 0, 0], view.rows[0], right * view.distance), view.rows[1], down * view.distance);
+function shifted(view, ...ways) {  // right, down, ahead
+  const by = ways.reduce((sum, x, i) => plus(sum, view.rows[i], x * view.distance), [0, 0, 0]);
   return {
     ...view,
     centre: plus(view.centre, by),

@@ -580,6 +580,8 @@ class Viewer {
       shiftRight: () => shift(1, 0),
       shiftUp: () => shift(0, -1),
       shiftDown: () => shift(0, 1),
+      ahead: () => this.move(shifted(this.view, 0, 0, 0.06)),
+      back: () => this.move(shifted(this.view, 0, 0, -0.06)),
       near: () => this.zoom(1 / 1.15),
       far: () => this.zoom(1.15),
       reset: () => {
@@ -609,7 +611,8 @@ class Viewer {
       help: () => element('help').showModal(),
       details: () => element('details').showModal()
     };
-    const keys = {Enter: 'camera', Escape: 'end'};  // and those of the buttons
+    // The buttons add theirs.
+    const keys = {Enter: 'camera', Escape: 'end', PageUp: 'ahead', PageDown: 'back'};
     for (const button of document.querySelectorAll('button[data-keys]'))
       for (const key of button.dataset.keys.split(' '))
         keys[key] = button.dataset.act || button.dataset.show;
