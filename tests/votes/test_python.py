@@ -211,7 +211,7 @@ class Hostile(unittest.TestCase):
     def test_library(self):
         def load(path):
             return subprocess.run([sys.executable, '-c', 'import tvsgs; tvsgs.Votes()'], text=True, capture_output=True,
-                                  env={'PYTHONPATH': sys.path[1], 'TVSGS_VOTES_LIBRARY': path}).stderr
+                                  env=os.environ | {'PYTHONPATH': sys.path[1], 'TVSGS_VOTES_LIBRARY': path}).stderr
         self.assertRegex(load('/none'), 'OSError: .*/none.*correct TVSGS_VOTES_LIBRARY')
         self.assertRegex(load('libm.so.6'), 'OSError: libm.so.6 is not libtvsgs_votes')
         self.assertEqual(load(os.environ['TVSGS_VOTES_LIBRARY']), '')
