@@ -124,6 +124,25 @@ TEST(Measured, CutsBetweenMeasuredAndOther) {
     EXPECT_GT(left, 4.5 * right);
 }
 
+// Beside a strip that one view alone has a depth of, seven edges wide.
+TEST(Measured, AStripThatOneViewSeesStays) {
+    Photographed photos(many_views(3), [](int) { return Paint(texture); });
+    for (const int i : {0, 2}) {
+        EvidenceView& view = photos.evidence[i];
+        const Camera& c = view.camera;
+        const Rigid3f world_from_camera = inverse(c.camera_from_world);
+        for (int y = 0, k = 0; y < c.height_px; ++y)
+            for (int x = 0; x < c.width_px; ++x, ++k) {
+                const Vec3f p = world_from_camera.t +
+                                view.depth[k] * (world_from_camera.R * pixel_ray(c, x, y));
+                if (p.x > 0.82f) view.depth[k] = 0;
+            }
+    }
+    TriangleMesh mesh = wall();
+    photos.keep(mesh);
+    EXPECT_GT(area(mesh), 0.99 * area(wall()));
+}
+
 TEST(Measured, PlainSurfaceStaysWhereHalfOfTheViewsEncloseIt) {
     // Texture with a plain part in the middle; in `open` of eight views the part ends at the edge
     // of the wall, as a sky does.

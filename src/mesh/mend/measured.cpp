@@ -97,6 +97,7 @@ struct Agreement {
     std::uint16_t seen = 0, alike = 0;
 
     bool is_measured() const { return alike >= 2 && 2 * alike >= seen; }
+    float weight() const { return seen > 1 ? 1 : seen == 1 ? kSingle : 0; }
 };
 
 /// Compares each view's texture with the sum of the other ones.
@@ -241,10 +242,7 @@ MeasuredReport keep_measured_faces(TriangleMesh& mesh,
     {
         const std::vector<Agreement> found = compare_views(source, views, samples);
         for (std::size_t s = 0; s < found.size(); ++s)
-            measured[s * stride] = {found[s].is_measured() ? 1.0f : 0.0f,
-                                    found[s].seen > 1    ? 1.0f
-                                    : found[s].seen == 1 ? kSingle
-                                                         : 0.0f};
+            measured[s * stride] = {found[s].is_measured() ? 1.0f : 0.0f, found[s].weight()};
     }
     const std::vector<float> mean = averaged(mesh, std::move(measured));
     const std::vector<float> open = open_around(mesh, views, mean);
