@@ -69,19 +69,25 @@ void orient_along_graph(CloudVotes& votes) {
     const auto has_normal = [&](std::size_t i) {
         return dot(votes.normals[i], votes.normals[i]) > 0;
     };
-    FlipForest forest(count);
     // One pass per class of angles needs less memory than a sorted list of all pairs.
-    constexpr int kClasses = 32;
-    for (int angle = 0; angle <= kClasses; ++angle)
-        for (std::size_t e = 0; e < votes.nearest.size(); ++e) {
-            const std::size_t i = e / kGraphNeighbours;
+    constexpr std::uint8_t kClasses = 32, kNone = 255;
+    std::vector<std::uint8_t> angles(votes.nearest.size(), kNone), opposite(angles.size());
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+        for (std::size_t r = 0; r < kGraphNeighbours && has_normal(i); ++r) {
+            const std::size_t e = std::size_t(i) * kGraphNeighbours + r;
             const std::uint32_t j = votes.nearest[e];
-            if (j == kNoPoint || !has_normal(i) || !has_normal(j)) continue;
-            const float cosine = dot(votes.normals[i], votes.normals[j]);
-            const float sine2 = std::max(0.0f, 1 - cosine * cosine);
-            if (int(kClasses * std::sqrt(sine2)) == angle)
-                forest.join(std::uint32_t(i), j, cosine < 0);
+            if (j == kNoPoint || !has_normal(j)) continue;
+            const float cosine = dot(votes.normals[i], votes.normals[j]),
+                        sine2 = std::max(0.0f, 1 - cosine * cosine);
+            angles[e] = std::uint8_t(kClasses * std::sqrt(sine2)), opposite[e] = cosine < 0;
         }
+    });
+    FlipForest forest(count);
+    for (int angle = 0; angle <= kClasses; ++angle)
+        for (std::size_t e = 0; e < angles.size(); ++e)
+            if (angles[e] == angle)
+                forest.join(std::uint32_t(e / kGraphNeighbours), votes.nearest[e],
+                            opposite[e] != 0);
     std::vector<Vec3d> sums(count);
     std::vector<double> sizes(count), farthest(count, -1);
     std::vector<bool> flip_part(count);
