@@ -162,7 +162,10 @@ Decision decide_confirmed(const SceneLook& look) {
     return {"confirmed surface",
             share > 0 ? "meshed alone" : "meshed with all other",
             str(percent(look.views_in_widest_pairs), " of the photographs have another within ",
-                kWidestAngleDeg, " degrees, in the median ", short_figure(look.pair_angle_deg)),
+                kWidestAngleDeg, " degrees",
+                look.views_in_widest_pairs > 0
+                    ? str(", in the median ", short_figure(look.pair_angle_deg))
+                    : ""),
             look.views_in_widest_pairs,
             0,
             {{"mesh.measured", rounded(share / 2)}}};

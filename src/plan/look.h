@@ -16,7 +16,7 @@ namespace tvsgs {
 /// as much as at small angles. Up to kWidestAngleDeg, views without a nearer view are compared.
 inline constexpr float kWideAngleDeg = 37, kWidestAngleDeg = 60;
 
-/// How far a pair of this angle can be compared: 1 up to 45 degrees, 0 from kWidestAngleDeg on.
+/// Trust in a comparison of two views at this angle: 1 up to 45 degrees, 0 from kWidestAngleDeg on.
 double comparable(double pair_angle_deg);
 
 struct SceneLook {

@@ -34,7 +34,7 @@ TEST(Dropout, RestoresTheOpacitiesAlsoAfterAnError) {
         const Dropout<Cpu> left_out(0.5f, 1, 2, gaussians, space);
         for (int i = 0; i < gaussians.size(); ++i)
             EXPECT_EQ(gaussians.opacity_logits[i],
-                      drops_out(0.5f, 1, 2, i) ? DropOut::kTransparent : before[i]);
+                      drops_out(0.5f, 1, 2, i) ? DropoutBody::kTransparent : before[i]);
         throw std::runtime_error("");
     } catch (const std::runtime_error&) {
     }

@@ -144,8 +144,8 @@ std::vector<Agreement> compare_views(const EvidenceSource& source,
     return found;
 }
 
-/// The mean around each vertex; a vertex of weight 0 takes that of its neighbours. 0: no
-/// weight around.
+/// The mean around each vertex; a vertex of weight 0 takes that of its neighbours. 0: no weight
+/// around.
 std::vector<float> averaged(const TriangleMesh& mesh, std::vector<Vec2f> sum_and_weight) {
     const Corners corners(mesh);
     std::vector<Vec2f> next(sum_and_weight.size());

@@ -18,7 +18,7 @@ TVSGS_HD inline bool drops_out(float share, std::uint64_t seed, int step, int i)
     return uniform(random.v[0]) < share;
 }
 
-struct DropOut {
+struct DropoutBody {
     static constexpr float kTransparent = -30;  // logit; an opacity of 1e-13
 
     Span<const float> logits;
@@ -46,7 +46,7 @@ public:
         if (!space_) return;
         space.resize(logits_.size());
         parallel_for(Device{}, gaussians.size(),
-                     DropOut{logits_.span(), space.span(), share, seed, step});
+                     DropoutBody{logits_.span(), space.span(), share, seed, step});
         logits_.swap(space);
     }
     ~Dropout() {
