@@ -159,16 +159,17 @@ Decision decide_background(double share_beyond, bool masked) {
 
 Decision decide_confirmed(const SceneLook& look) {
     const double share = look.views_in_widest_pairs * comparable(look.pair_angle_deg);
-    return {"confirmed surface",
-            share > 0 ? "meshed alone" : "meshed with all other",
-            str(percent(look.views_in_widest_pairs), " of the photographs have another within ",
-                kWidestAngleDeg, " degrees",
-                look.views_in_widest_pairs > 0
-                    ? str(", in the median ", short_figure(look.pair_angle_deg))
-                    : ""),
-            look.views_in_widest_pairs,
-            0,
-            {{"mesh.measured", rounded(share / 2)}}};
+    return {
+        "confirmed surface",
+        share > 0 ? str("where ", percent(share / 2), " around a face is confirmed") : "not needed",
+        str(percent(look.views_in_widest_pairs), " of the photographs have another within ",
+            kWidestAngleDeg, " degrees",
+            look.views_in_widest_pairs > 0
+                ? str(", in the median ", short_figure(look.pair_angle_deg))
+                : ""),
+        look.views_in_widest_pairs,
+        0,
+        {{"mesh.measured", rounded(share / 2)}}};
 }
 
 std::vector<Decision> decide_object(const CommonBall& ball) {

@@ -366,7 +366,7 @@ private:
                 {"unseen places",
                  str(percent(kDropout), " of the splats left out, axes up to ", kLongestAxis,
                      " to 1"),
-                 "stereo made the start points; then no pixel rests on a few splats, nor needles",
+                 "stereo made the start points; views from elsewhere would show needles and gaps",
                  kNone,
                  kNone,
                  {{"loss.photometric.dropout", str(kDropout)},
