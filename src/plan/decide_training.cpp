@@ -20,10 +20,10 @@ constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
               kOpaqueAfter = 250, kOpaqueShare = 20;
-// A start by stereo: iterations per view, their largest sum, iterations per view where these are
-// more; pixels between points in gaps; opacity; share of the iterations in which the photometric
-// share rises to 1 at kFewViews; lr.supported from kFewViews on.
-constexpr int kSupportedPerView = 400, kSupportedMost = 2500, kManyPerView = 125, kGapPx = 2;
+// A start by stereo: iterations at kLeastViews, their largest sum, iterations per view where these
+// are more; pixels between points in gaps; opacity; share of the iterations in which the
+// photometric share rises to 1 at kFewViews; lr.supported from kFewViews on.
+constexpr int kSupportedLeast = 800, kSupportedMost = 2500, kManyPerView = 125, kGapPx = 2;
 constexpr double kOpaque = 0.95, kRising = 0.3, kFreeRates = 3;
 // Share of the splats that an iteration leaves out, and ratio of their two largest axes.
 constexpr double kDropout = 0.05, kLongestAxis = 4;
@@ -64,6 +64,12 @@ Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitt
             settings.emplace_back(key, std::to_string(number));
     });
     return settings;
+}
+
+/// In proportion up to kLeastViews, then twice as many for each view.
+int supported_iterations(int views) {
+    const int counted = std::max(views, 2 * views - kLeastViews);
+    return std::min(kSupportedLeast * counted / kLeastViews, kSupportedMost);
 }
 
 Decision decide_poses(const SceneLook& look, const CameraOptions& options) {
@@ -147,8 +153,7 @@ private:
     void schedule() {
         const int views = look_.train_views,
                   per_view = in_.supported ? kManyPerView : kIterationsPerView,
-                  least = in_.supported ? std::min(kSupportedPerView * views, kSupportedMost)
-                                        : kIterations,
+                  least = in_.supported ? supported_iterations(views) : kIterations,
                   enough = std::max(least, per_view * views);
         iterations_ = in_.wanted >= 0
                           ? in_.wanted
