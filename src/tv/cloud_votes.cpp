@@ -23,7 +23,7 @@ public:
             const std::uint32_t parent = parents_[i];  // halves the path
             flips_[i] = flips_[i] != flips_[parent];
             parents_[i] = parents_[parent];
-            flip = flip != flips_[i];
+            flip = flip != (flips_[i] != 0);
             i = parents_[i];
         }
         return {i, flip};
@@ -36,10 +36,20 @@ public:
         parents_[high] = low;
         flips_[high] = (a.flip != b.flip) != opposite;
     }
+    /// The root of a point, after flatten().
+    Root parent(std::size_t i) const { return {parents_[i], flips_[i] != 0}; }
+    /// Makes every point a child of its root.
+    void flatten() {
+        for (std::size_t i = 0; i < parents_.size(); ++i) {  // parents come before their children
+            const std::uint32_t parent = parents_[i];
+            if (parents_[parent] == parent) continue;
+            flips_[i] = flips_[i] != flips_[parent], parents_[i] = parents_[parent];
+        }
+    }
 
 private:
     std::vector<std::uint32_t> parents_;
-    std::vector<bool> flips_;  // relative to the parent
+    std::vector<std::uint8_t> flips_;  // relative to the parent
 };
 
 }  // namespace
@@ -66,18 +76,20 @@ void orient_to_viewpoint(CloudVotes& votes, Vec3f viewpoint) {
 
 void orient_along_graph(CloudVotes& votes) {
     const std::size_t count = votes.normals.size();
-    const auto has_normal = [&](std::size_t i) {
-        return dot(votes.normals[i], votes.normals[i]) > 0;
+    const auto for_each_point = [&](auto&& body) {
+        parallel_for(Cpu{}, static_cast<int>(count), [&](int i) { body(std::size_t(i)); });
     };
+    std::vector<Vec3f> normals(count);  // in Morton order, as all that refers to `nearest`
+    for_each_point([&](std::size_t r) { normals[r] = votes.normals[std::size_t(votes.order[r])]; });
+    const auto has_normal = [](Vec3f n) { return dot(n, n) > 0; };
     // One pass per class of angles needs less memory than a sorted list of all pairs.
     constexpr std::uint8_t kClasses = 32, kNone = 255;
     std::vector<std::uint8_t> angles(votes.nearest.size(), kNone), opposite(angles.size());
-    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
-        for (std::size_t r = 0; r < kGraphNeighbours && has_normal(i); ++r) {
-            const std::size_t e = std::size_t(i) * kGraphNeighbours + r;
-            const std::uint32_t j = votes.nearest[e];
-            if (j == kNoPoint || !has_normal(j)) continue;
-            const float cosine = dot(votes.normals[i], votes.normals[j]),
+    for_each_point([&](std::size_t r) {
+        for (std::size_t e = r * kGraphNeighbours; e < (r + 1) * kGraphNeighbours; ++e) {
+            const std::uint32_t near = votes.nearest[e];
+            if (near == kNoPoint || !has_normal(normals[r]) || !has_normal(normals[near])) continue;
+            const float cosine = dot(normals[r], normals[near]),
                         sine2 = std::max(0.0f, 1 - cosine * cosine);
             angles[e] = std::uint8_t(kClasses * std::sqrt(sine2)), opposite[e] = cosine < 0;
         }
@@ -88,25 +100,25 @@ void orient_along_graph(CloudVotes& votes) {
             if (angles[e] == angle)
                 forest.join(std::uint32_t(e / kGraphNeighbours), votes.nearest[e],
                             opposite[e] != 0);
+    forest.flatten();
+    std::vector<FlipForest::Root> roots(count);  // in the order of the entries, as all below
+    for_each_point([&](std::size_t r) { roots[std::size_t(votes.order[r])] = forest.parent(r); });
     std::vector<Vec3d> sums(count);
     std::vector<double> sizes(count), farthest(count, -1);
     std::vector<bool> flip_part(count);
+    for (std::size_t i = 0; i < count; ++i)
+        sums[roots[i].index] += vec_cast<double>(votes.positions[i]), sizes[roots[i].index] += 1;
     for (std::size_t i = 0; i < count; ++i) {
-        const std::uint32_t root = forest.root(std::uint32_t(i)).index;
-        sums[root] += vec_cast<double>(votes.positions[i]), sizes[root] += 1;
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        const auto [root, flip] = forest.root(std::uint32_t(i));
+        const auto [root, flip] = roots[i];
         const Vec3d outwards = vec_cast<double>(votes.positions[i]) - sums[root] / sizes[root];
         const double distance = norm(outwards);
-        if (!has_normal(i) || !(distance > farthest[root])) continue;
+        if (!has_normal(votes.normals[i]) || !(distance > farthest[root])) continue;
         farthest[root] = distance;
         flip_part[root] = (dot(vec_cast<double>(votes.normals[i]), outwards) < 0) != flip;
     }
-    for (std::size_t i = 0; i < count; ++i) {
-        const auto [root, flip] = forest.root(std::uint32_t(i));
-        if (flip != flip_part[root]) votes.normals[i] = -votes.normals[i];
-    }
+    for_each_point([&](std::size_t i) {
+        if (roots[i].flip != flip_part[roots[i].index]) votes.normals[i] = -votes.normals[i];
+    });
 }
 
 }  // namespace tvsgs

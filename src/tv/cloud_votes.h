@@ -31,7 +31,9 @@ struct CloudVotes {
     std::vector<Vec3f> normals;          // unit; zero: the votes give no normal
     std::vector<Vec3f> eigenvalues;      // of the summed votes, descending
     std::vector<float> confidences;      // [0, 1]
-    std::vector<std::uint32_t> nearest;  // [N, kGraphNeighbours] nearest kept points, or kNoPoint
+    std::vector<int> order;              // entries of the points in Morton order
+    std::vector<std::uint32_t> nearest;  // [N, kGraphNeighbours] in this order: places in it of the
+                                         // nearest points, or kNoPoint
 
     /// Saliencies as in docs/method/voting.md: votes are tangents.
     float surface(std::size_t i) const { return eigenvalues[i].y - eigenvalues[i].z; }

@@ -121,6 +121,7 @@ void expect_same(const CloudVotes& a, const CloudVotes& b) {
     EXPECT_TRUE(same_bits(a.normals, b.normals));
     EXPECT_TRUE(same_bits(a.eigenvalues, b.eigenvalues));
     EXPECT_TRUE(same_bits(a.confidences, b.confidences));
+    EXPECT_TRUE(same_bits(a.order, b.order));
     EXPECT_TRUE(same_bits(a.nearest, b.nearest));
 }
 

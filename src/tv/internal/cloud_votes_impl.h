@@ -197,12 +197,11 @@ private:
     CloudVotes results(const std::vector<Vec3f>& positions) const {
         const std::vector<Vec3f> normals = to_host(normals_), eigenvalues = to_host(eigenvalues_);
         const std::vector<float> support = to_host(support_);
-        const std::vector<std::uint32_t> nearest = to_host(nearest_);
         CloudVotes out;
+        out.order = order_, out.nearest = to_host(nearest_);
         const auto count = std::size_t(count_);
         out.kept.resize(count), out.positions.resize(count), out.normals.resize(count);
         out.eigenvalues.resize(count), out.confidences.resize(count);
-        out.nearest.resize(nearest.size());
         for (std::size_t rank = 0; rank < count; ++rank) {
             const auto i = std::size_t(order_[rank]);
             const Vec3f l = eigenvalues[rank];
@@ -211,11 +210,6 @@ private:
             out.eigenvalues[i] = l;
             out.confidences[i] =
                 dot(normals[rank], normals[rank]) > 0 ? support[rank] * (l.y - l.z) / l.x : 0;
-            for (std::size_t r = 0; r < kGraphNeighbours; ++r) {
-                const std::uint32_t near = nearest[rank * kGraphNeighbours + r];
-                out.nearest[i * kGraphNeighbours + r] =
-                    near == kNoPoint ? near : std::uint32_t(order_[near]);
-            }
         }
         return out;
     }
