@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "apps/common/command_line.h"
+#include "apps/common/open_page.h"
 #include "apps/prepare/photographs.h"
 #include "apps/reconstruct/stages.h"
 #include "core/device/device_choice.h"
@@ -32,7 +33,7 @@ struct Arguments {
     std::string photos, out, quality = "normal", device = "auto";
     std::optional<int> resolution;
     double time_budget = 0;
-    bool overwrite = false;
+    bool overwrite = false, open = false;
     Words of_machine;  // flags for all programs that change no result
 };
 
@@ -61,6 +62,7 @@ Arguments parse(int argc, char** argv) {
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
     app.add_flag("--overwrite", a.overwrite,
                  "start anew: remove the files that an earlier call wrote to OUT");
+    app.add_flag("--open", a.open, "open the page in the browser of the desktop (xdg-open)");
     add_log_flags(app);
     parse_command_line(app, argc, argv);
     if (a.device != "auto" && (!kHasCuda || !a.device.starts_with("cuda"))) choose_device(a.device);
@@ -339,6 +341,7 @@ int Reconstruction::run() {
                      a_.out);
     const bool prepared = stages_.front() == &kPrepare;
     log_summary(a_.out + "/run", prepared ? scene_ : input_, a_.out + "/view.html");
+    if (a_.open) open_page(page_);
     return 0;
 }
 

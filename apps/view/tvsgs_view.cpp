@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "apps/common/command_line.h"
+#include "apps/common/open_page.h"
 #include "apps/view/server.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
@@ -19,6 +20,7 @@ struct Arguments {
     ViewPageOptions page;
     std::string out;  // empty: serve the page
     int port = 0;
+    bool open = false;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -46,6 +48,8 @@ Arguments parse(int argc, char** argv) {
     add_number(app, "--max-splats", a.page.max_splats, 1, 50000000,
                "keep the N largest splats of each run [all]");
     add_number(app, "--photos", a.page.max_photos, 0, 10000, "most photographs on the page [60]");
+    app.add_flag("--open", a.open,
+                 "open the written page in the browser of the desktop (xdg-open)");
     add_log_flags(app);
     parse_command_line(app, argc, argv);
     if (a.input.runs.size() > kMaxRuns)
@@ -62,6 +66,8 @@ Arguments parse(int argc, char** argv) {
         throw usage_error("two runs: give --out FILE.html; the server shows one run only");
     if (!a.out.empty() && a.port > 0)
         throw usage_error("--port and --out exclude each other: a file is not served");
+    if (a.open && a.out.empty())  // the list of processes would show the token
+        throw usage_error("--open needs --out FILE.html; open the address of a server yourself");
     a.page.max_bytes = static_cast<std::size_t>(megabytes * 1e6);
     return a;
 }
@@ -78,8 +84,9 @@ int command(int argc, char** argv) {
     const ViewPage page = view_page(read_view_subject(a.input), a.page);
     for (const std::string& note : page.notes) spdlog::warn("{}", note);
     write_text_file(a.out, page.html);
-    spdlog::info("Page: {} ({:.1f} MB); open it in a browser", a.out,
-                 static_cast<double>(page.html.size()) / 1e6);
+    spdlog::info("Page: {} ({:.1f} MB){}", a.out, static_cast<double>(page.html.size()) / 1e6,
+                 a.open ? "" : "; open it in a browser");
+    if (a.open) open_page(a.out);
     say_next({"tvsgs-export", a.input.runs.front(), "splats.spz"},
              "write the splats for other viewers");
     return 0;

@@ -41,6 +41,30 @@ protected:
 };
 fs::path ViewCommand::folder_;
 
+TEST_F(ViewCommand, OpensThePageAndSaysWhereThatFails) {
+    fs::create_directories(folder_ / "bin");
+    const auto open = [](const std::string& opener) {
+        const fs::path program = folder_ / "bin/xdg-open";
+        fs::remove(program);
+        if (!opener.empty()) {
+            std::ofstream(program) << "#!/bin/sh\n" << opener << "\n";
+            fs::permissions(program, fs::perms::owner_all);
+        }
+        return run_script(folder_, "PATH=$PWD/bin " TVSGS_BIN_DIR
+                                   "/tvsgs-view run --out open.html --open >out.txt 2>err.txt");
+    };
+    const Result opened = open("echo $# \"$1\" >opened.txt");
+    EXPECT_EQ(opened.code, 0) << opened;
+    EXPECT_FALSE(opened.says("warning")) << opened;
+    EXPECT_EQ(contents(folder_ / "opened.txt"), "1 open.html\n");
+    const Result failed = open("exit 3"), missing = open("");
+    EXPECT_EQ(failed.code, 0) << failed;
+    EXPECT_TRUE(failed.says("found no browser (exit code 3); open open.html")) << failed;
+    EXPECT_EQ(missing.code, 0) << missing;
+    EXPECT_TRUE(missing.says("xdg-open: No such file or directory; open open.html")) << missing;
+    expect_refused("run --open", 2, "--open needs --out");
+}
+
 TEST_F(ViewCommand, APageHasAllThatTheRunHas) {
     const Result result = run_tool(folder_, "view", "run --out page.html");
     ASSERT_EQ(result.code, 0) << result;

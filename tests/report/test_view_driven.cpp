@@ -51,6 +51,8 @@ async function drive(viewer) {
   key('ArrowLeft'); await rest(); seen.after = viewer.camera; seen.hidden = photo.hidden;
   const button = document.querySelector('button[data-show=photo]');
   seen.without = [button.disabled, element('why').textContent].join(); key('Enter'); await rest(); await rest(); seen.with = button.disabled;
+  document.documentElement.requestFullscreen = () => { seen.full = 1; return Promise.reject(); };
+  key('u'); await rest(); seen.refused = element('status').textContent;
   key('c'); seen.centres = viewer.mode + modeInput('centres').checked;
   key('m'); seen.mesh = viewer.mode;  // there is none
   key('f'); seen.cameras = viewer.show.cameras;
@@ -90,6 +92,8 @@ async function drive(viewer) {
     EXPECT_EQ(seen["hidden"].number, 1);
     EXPECT_EQ(at("without"), "true,Choose a camera first.");
     EXPECT_TRUE(seen["with"].is(JsonValue::Kind::boolean) && seen["with"].number == 0);
+    EXPECT_EQ(seen["full"].number_or(0), 1);
+    EXPECT_EQ(at("refused"), "The browser allows no full screen here.");
     EXPECT_EQ(at("centres"), "centrestrue");
     EXPECT_EQ(at("mesh"), "centres");
     EXPECT_TRUE(seen["cameras"].is(JsonValue::Kind::boolean) && seen["cameras"].number == 0);

@@ -440,6 +440,17 @@ class Viewer {
     this.copy(link, 'Link');
   }
 
+  fullScreen() {
+    const root = document.documentElement,
+          refuse = () => say('The browser allows no full screen here.');
+    if (document.fullscreenElement)
+      document.exitFullscreen();
+    else if (root.requestFullscreen)
+      root.requestFullscreen().catch(refuse);
+    else
+      refuse();
+  }
+
   /** Saves the picture with all that is drawn over it. */
   savePicture() {
     if (this.flight) return say('The view still moves; save the picture when it rests.');
@@ -608,6 +619,7 @@ class Viewer {
       copyBox: () => this.copy(`--bbox ${this.boxNumbers().join()}`, 'Box'),
       picture: () => this.savePicture(),
       link: () => this.copyLink(),
+      full: () => this.fullScreen(),
       help: () => element('help').showModal(),
       details: () => element('details').showModal()
     };
