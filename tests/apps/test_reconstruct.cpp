@@ -128,8 +128,11 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
 
     // Called again: only missing results are made.
     fs::remove(folder / "calls.txt");
-    r = run("photos 'my out'");
+    write("bin/xdg-open", "#!/bin/sh\necho \"$1\" >opened.txt\n");
+    fs::permissions(folder / "bin/xdg-open", fs::perms::owner_all);
+    r = run("photos 'my out' --open", "PATH=$PWD/bin:$PATH");
     EXPECT_EQ(r.code, 0) << r;
+    EXPECT_EQ(text("opened.txt"), (folder / "my out/view.html").string() + "\n");
     EXPECT_TRUE(r.says("Everything is done already") && r.says("Reconstructed 6 photographs")) << r;
     EXPECT_EQ(calls(), "");
     fs::remove(folder / "my out/view.html");
