@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Mean angle of normals in degrees on made surfaces: tvsgs-vote against planes through the same k neighbours (PCA).
+"""Mean angle of normals in degrees on made surfaces: tvsgs-vote against planes through the same k neighbours (PCA); and
+what --reject keeps, against statistical outlier removal with as many neighbours.
 
     scripts/vote_normals.py [BIN]     BIN: folder of tvsgs-vote [build/cpu/bin]
 
@@ -71,6 +72,12 @@ def pca(p):
     return np.linalg.eigh(np.einsum('nki,nkj->nij', q, q))[1][:, :, 0]
 
 
+def not_outlying(p):
+    """Statistical outlier removal: the mean distance to the neighbours is at most two deviations above the mean."""
+    d = cKDTree(p).query(p, K + 1)[0][:, 1:].mean(1)
+    return d <= d.mean() + 2 * d.std()
+
+
 def vote(p, folder, binary, *flags):
     """Rows of the written PLY: x y z nx ny nz confidence surface curve point."""
     with open(folder + '/in.ply', 'wb') as out:
@@ -96,7 +103,7 @@ def main():
         rows = [(0, 0, 0), (0.1, 0, 0), (0.25, 0, 0), (0.5, 0, 0), (1, 0, 0), (2, 0, 0), (0.25, 0, 1), (0.25, 0.1, 0),
                 (0.25, 0.5, 0), (0.25, 1, 0)]
         for noise, outliers, uneven in rows:
-            cells, kept, distance = [], [], []
+            cells, kept, kept_by_distance, distance = [], [], [], []
             for seed, name in enumerate(names):
                 p, normals, exact, spacing = cloud(name, noise, outliers, uneven, np.random.default_rng(seed))
                 n = len(normals)
@@ -107,10 +114,13 @@ def main():
                 of = np.array([index[row.tobytes()] for row in out[:, :3]])
                 off = cKDTree(exact).query(p[n:])[0] > 3 * spacing if outliers else np.zeros(0, bool)
                 kept.append(((of < n).sum() / n, off[of[of >= n] - n].sum() / max(1, off.sum())))
+                near = not_outlying(p)
+                kept_by_distance.append((near[:n].mean(), near[n:][off].sum() / max(1, off.sum())))
                 moved = vote(p, folder, binary, '--refine', '3')[:n, :3]
                 distance.append([np.mean(distances(name, q)) / spacing for q in (p[:n], moved)])
             print('| %g, %g %%%s | ' % (noise, 100 * outliers, ', uneven' if uneven else '') + ' | '.join(cells) + ' |')
             print('   --reject keeps of the surface, of far outliers:', ', '.join('%.3f %.3f' % x for x in kept),
+                  '; statistical removal:', ', '.join('%.3f %.3f' % x for x in kept_by_distance),
                   '; mean distance before, after --refine 3:', ', '.join('%.2f %.2f' % tuple(x) for x in distance),
                   file=sys.stderr, flush=True)
 
