@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <cstring>
+#include <filesystem>
 #include <thread>
 
 #include "core/error.h"
@@ -30,7 +31,7 @@ int start(const std::string& page, pid_t& child) {
     for (const int stream : {0, 1, 2})
         posix_spawn_file_actions_addopen(&files, stream, "/dev/null", O_RDWR, 0);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID);
-    std::string name = kOpener, argument = page;
+    std::string name = kOpener, argument = std::filesystem::absolute(page);  // no flag
     char* const words[] = {name.data(), argument.data(), nullptr};
     const int error = posix_spawnp(&child, kOpener, &files, &attributes, words, environ);
     posix_spawn_file_actions_destroy(&files);

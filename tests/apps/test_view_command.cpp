@@ -56,7 +56,7 @@ TEST_F(ViewCommand, OpensThePageAndSaysWhereThatFails) {
     const Result opened = open("echo $# \"$1\" >opened.txt");
     EXPECT_EQ(opened.code, 0) << opened;
     EXPECT_FALSE(opened.says("warning")) << opened;
-    EXPECT_EQ(contents(folder_ / "opened.txt"), "1 open.html\n");
+    EXPECT_EQ(contents(folder_ / "opened.txt"), "1 " + (folder_ / "open.html").string() + "\n");
     const Result failed = open("exit 3"), missing = open("");
     EXPECT_EQ(failed.code, 0) << failed;
     EXPECT_TRUE(failed.says("found no browser (exit code 3); open open.html")) << failed;
