@@ -51,9 +51,8 @@ Arguments parse(int argc, char** argv) {
                    "folder to write: scene/ (if cameras are searched), run/, view.html")
         ->required();
     add_choice(app, "--quality", a.quality, {"draft", "normal", "best"},
-               "draft: photographs 800 pixels wide, 2,000 iterations; normal: 1,600 pixels, "
-               "iterations by the plan; best: 3,200 pixels, 500 iterations per photograph and at "
-               "least 15,000. If the narrowest photograph is smaller, its width decides");
+               "width of the photographs in pixels, draft: 800, normal: 1,600, best: 3,200; at "
+               "most that of the narrowest photograph");
     app.add_option("-r,--resolution", a.resolution,
                    "size of the photographs in the training: 1, 2, 4, 8: divide it; other: width "
                    "in pixels [by --quality]");
@@ -228,15 +227,12 @@ Words Reconstruction::words(const StageKind& kind) const {
     const auto add = [&](const char* flag, auto value) {
         words.insert(words.end(), {flag, str(value)});
     };
-    const bool draft = a_.quality == "draft", best = a_.quality == "best";
     if (a_.resolution)
         add("--resolution", *a_.resolution);
-    else if (draft && width > 800)
+    else if (a_.quality == "draft" && width > 800)
         add("--resolution", 800);
-    else if (best && width > 1600)
+    else if (a_.quality == "best" && width > 1600)
         add("--resolution", std::min(width, 3200));
-    if (draft) add("--iterations", 2000);
-    if (best) add("--iterations", std::max<std::size_t>(15000, 500 * layout->model.images.size()));
     if (a_.time_budget > 0) add("--time-budget", a_.time_budget);
     words.push_back("--resume");  // starts the run, or continues it
     return words;
