@@ -52,7 +52,7 @@ Arguments parse(int argc, char** argv) {
         ->required();
     add_choice(app, "--quality", a.quality, {"draft", "normal", "best"},
                "width of the photographs in pixels, draft: 800, normal: 1,600, best: 3,200; at "
-               "most that of the narrowest photograph");
+               "most that of the narrowest photograph. draft also trains 800 iterations only");
     app.add_option("-r,--resolution", a.resolution,
                    "size of the photographs in the training: 1, 2, 4, 8: divide it; other: width "
                    "in pixels [by --quality]");
@@ -233,6 +233,7 @@ Words Reconstruction::words(const StageKind& kind) const {
         add("--resolution", 800);
     else if (a_.quality == "best" && width > 1600)
         add("--resolution", std::min(width, 3200));
+    if (a_.quality == "draft") add("--iterations", 800);
     if (a_.time_budget > 0) add("--time-budget", a_.time_budget);
     words.push_back("--resume");  // starts the run, or continues it
     return words;

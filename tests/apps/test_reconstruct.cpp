@@ -195,7 +195,7 @@ TEST_F(Reconstruct, OverwriteRemovesOnlyItsOwnFiles) {
     EXPECT_FALSE(record.is_done("train") || record.find("mesh"));
 }
 
-TEST_F(Reconstruct, QualityChoosesTheSize) {
+TEST_F(Reconstruct, QualityChoosesSizeAndIterations) {
     std::string images;
     for (int i = 1; i <= 40; ++i) images += str(i, " 1 0 0 0 0 0 ", i, " 1 ", i, ".png\n\n");
     write("large/sparse/0/cameras.txt", "1 PINHOLE 4000 3000 4000 4000 2000 1500\n");
@@ -208,12 +208,12 @@ TEST_F(Reconstruct, QualityChoosesTheSize) {
         const std::size_t at = call.find(before);
         return at == call.npos ? call : call.substr(at + before.size());
     };
-    EXPECT_EQ(flags("draft"), "--resolution 800 --resume\n");
+    EXPECT_EQ(flags("draft"), "--resolution 800 --iterations 800 --resume\n");
     EXPECT_EQ(flags("normal"), "--resume\n");
     EXPECT_EQ(flags("best"), "--resolution 3200 --resume\n");
     EXPECT_EQ(flags("best", " -r 4"), "--resolution 4 --resume\n");
     EXPECT_EQ(flags("draft", " -r 300 --time-budget 90.5"),
-              "--resolution 300 --time-budget 90.5 --resume\n");
+              "--resolution 300 --iterations 800 --time-budget 90.5 --resume\n");
 }
 
 TEST_F(Reconstruct, AStoppedTrainingContinues) {
