@@ -93,10 +93,11 @@ install(TARGETS tvsgs_votes RUNTIME_DEPENDENCY_SET tvsgs_runtime
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT tvsgs NAMELINK_COMPONENT libtvsgs-dev)
 install(FILES include/tvsgs_votes.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT libtvsgs-dev)
 
-# 4. For the tarball alone: the shared libraries of the commands with their licences, but for the C library, which
-# must be the machine's own.
+# 4. For the tarball alone: the shared libraries of the commands with their licences, but for the libraries of C and
+# C++, which must be the machine's own. Debian's C++ library needs a newer C library than the commands do.
 install(RUNTIME_DEPENDENCY_SET tvsgs_runtime
-    PRE_EXCLUDE_REGEXES "^(ld-linux|libc|libm|libmvec|libdl|librt|libpthread|libresolv|libutil|libanl)[-.].*so"
+    PRE_EXCLUDE_REGEXES
+        "^(ld-linux|libc|libm|libmvec|libdl|librt|libpthread|libresolv|libutil|libanl|libgcc_s)[-.].*so" "^libstdc\\+\\+"
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/tvsgs COMPONENT bundled EXCLUDE_FROM_ALL)
 install(CODE "set(TVSGS_LIBRARY_DIR \"${CMAKE_INSTALL_LIBDIR}/tvsgs\")
 set(TVSGS_LICENCE_DIR \"${CMAKE_INSTALL_DATADIR}/doc/tvsgs/licences\")

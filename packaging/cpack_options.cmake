@@ -3,7 +3,7 @@ if(CPACK_GENERATOR STREQUAL "DEB")
     set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
     set(CPACK_COMPONENTS_ALL ${CPACK_TVSGS_PACKAGES} libtvsgs-dev)
 elseif(CPACK_GENERATOR STREQUAL "TGZ")
-    # One archive that needs nothing but a C library: every command, and the libraries of them all.
+    # One archive that needs nothing but the libraries of C and C++: every command, and the libraries of them all.
     set(CPACK_COMPONENTS_ALL ${CPACK_TVSGS_PACKAGES} bundled)
     if(CPACK_TVSGS_TESTS)
         list(APPEND CPACK_COMPONENTS_ALL tests)

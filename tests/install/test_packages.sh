@@ -30,12 +30,12 @@ for file in bin/tvsgs-train bin/tvsgs share/man/man1/tvsgs-train.1.gz share/bash
 done
 dpkg-deb --field "$(ls tvsgs-eval*.deb)" Depends | grep libmatio >/dev/null || fail "tvsgs-eval does not depend on libmatio"
 
-# The tarball needs only the C library from the system.
+# The tarball needs only the libraries of C and C++ from the system.
 tar -xzf tvsgs-*.tar.gz
 root=$(echo "$PWD"/tvsgs-*-linux-*/)
 for program in "$root"bin/* "$root"lib/libtvsgs_votes.so.1; do
     outside=$(env -i /usr/bin/ldd "$program" | awk '$2 == "=>" {print $1, $3}' |
-        grep -vE '^(lib(c|m|mvec|dl|rt|pthread|resolv|util|anl)\.so|ld-linux)' | grep -vE "/lib[^ ]*/tvsgs/" || true)
+        grep -vE '^(lib(c|m|mvec|dl|rt|pthread|resolv|util|anl|stdc\+\+|gcc_s)\.so|ld-linux)' | grep -vE "/lib[^ ]*/tvsgs/" || true)
     [[ -z $outside ]] || fail "${program##*/} of the tarball takes from outside: $outside"
     [[ $program == *.so.1 ]] || env -i "$program" --version >/dev/null || fail "${program##*/} of the tarball does not run"
 done
