@@ -36,9 +36,9 @@ struct LossResult {
     std::vector<float> dL_ddepth, dL_dexpected_depth, dL_ddistortion;
 };
 
-/// Result of adding a term to an objective that is not empty.
+/// Result of adding a term `times` to an objective that is not empty.
 template <class Device>
-LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1) {
+LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1, int times = 1) {
     Gaussians<Device> gaussians;
     copy(c.gaussians, gaussians);
     RenderedImages<Device> images;
@@ -77,7 +77,8 @@ LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1) {
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
-    loss.add_to(objective, {gaussians, images, view, field, radii.span(), step});
+    for (int i = 0; i < times; ++i)
+        loss.add_to(objective, {gaussians, images, view, field, radii.span(), step});
     return {to_host(objective.values)[0] - 2,
             to_host(objective.dL_dgaussians.means),
             to_host(objective.dL_dgaussians.log_scales),
@@ -89,7 +90,8 @@ LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1) {
 }
 
 template <class Device>
-LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduction) {
+LossResult evaluate(
+    const LossCase& c, Term term, float weight, Reduction reduction, int times = 1) {
     const ScheduledOptions options{weight, 1};
     LossContext context;
     context.shared.tv_reduction = reduction;
@@ -119,7 +121,7 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
             loss = std::make_unique<TvLoss<Device, true>>(options, context);
             break;
     }
-    return evaluate(c, *loss);
+    return evaluate(c, *loss, 1, times);
 }
 
 /// Evaluates the only term with a weight.

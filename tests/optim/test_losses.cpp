@@ -390,38 +390,61 @@ TEST(LossList, MultiViewTermsStartWithTheGeometry) {
 }
 
 template <class T>
-void expect_same(const std::vector<T>& cpu, const std::vector<T>& cuda, double relative) {
-    ASSERT_EQ(cpu.size(), cuda.size());
-    const auto* a = reinterpret_cast<const float*>(cpu.data());
-    const auto* b = reinterpret_cast<const float*>(cuda.data());
-    for (std::size_t i = 0; i < cpu.size() * sizeof(T) / sizeof(float); ++i)
-        EXPECT_TRUE(close(a[i], b[i], relative)) << i;
+void expect_same(const std::vector<T>& first,
+                 const std::vector<T>& second,
+                 double relative,
+                 double factor) {
+    ASSERT_EQ(first.size(), second.size());
+    const auto* a = reinterpret_cast<const float*>(first.data());
+    const auto* b = reinterpret_cast<const float*>(second.data());
+    for (std::size_t i = 0; i < first.size() * sizeof(T) / sizeof(float); ++i)
+        EXPECT_TRUE(close(factor * a[i], b[i], relative)) << i;
+}
+
+/// Expects b to be a times `factor`.
+void expect_same(const LossResult& a, const LossResult& b, double factor = 1) {
+    EXPECT_TRUE(close(factor * a.value, b.value, kRelative));
+    // The same formulas; the devices fuse and round operations differently.
+    expect_same(a.dL_dmeans, b.dL_dmeans, kRelative, factor);
+    expect_same(a.dL_dlog_scales, b.dL_dlog_scales, kRelative, factor);
+    expect_same(a.dL_dquats, b.dL_dquats, 10 * kRelative, factor);
+    expect_same(a.dL_dnormal, b.dL_dnormal, 10 * kRelative, factor);
+    expect_same(a.dL_ddepth, b.dL_ddepth, 10 * kRelative, factor);
+    expect_same(a.dL_dexpected_depth, b.dL_dexpected_depth, 10 * kRelative, factor);
+    expect_same(a.dL_ddistortion, b.dL_ddistortion, kRelative, factor);
+}
+
+/// Calls check(case, term, reduction) for all terms of this file.
+template <class Check>
+void for_each_term(const Check& check) {
+    const LossCase splats = splat_case(), images = image_case();
+    for (Reduction reduction : {Reduction::mean, Reduction::sum, Reduction::visible_mean}) {
+        for (Term term : {Term::flatten, Term::tv_normal, Term::tv_position}) {
+            SCOPED_TRACE(static_cast<int>(term));
+            check(splats, term, reduction);
+        }
+        for (Term term :
+             {Term::normal, Term::normal_consistency, Term::two_depths, Term::distortion}) {
+            SCOPED_TRACE(static_cast<int>(term));
+            check(images, term, reduction);
+        }
+    }
+}
+
+TEST(LossList, TermsAddToEarlierValuesAndDerivatives) {
+    for_each_term([](const LossCase& c, Term term, Reduction reduction) {
+        expect_same(evaluate<Cpu>(c, term, kWeight, reduction),
+                    evaluate<Cpu>(c, term, kWeight, reduction, 2), 2);
+    });
 }
 
 TEST(LossTwins, CpuAgainstCuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) {
-        const LossCase splats = splat_case(), images = image_case();
-        for (Reduction reduction : {Reduction::mean, Reduction::sum, Reduction::visible_mean})
-            for (Term term : {Term::flatten, Term::tv_normal, Term::tv_position, Term::normal,
-                              Term::normal_consistency, Term::two_depths, Term::distortion}) {
-                SCOPED_TRACE(static_cast<int>(term));
-                const bool of_splats =
-                    term == Term::flatten || term == Term::tv_normal || term == Term::tv_position;
-                const LossCase& c = of_splats ? splats : images;
-                const LossResult a = evaluate<Cpu>(c, term, kWeight, reduction);
-                const LossResult b = test::evaluate_cuda(c, term, kWeight, reduction);
-                EXPECT_TRUE(close(a.value, b.value, kRelative));
-                // The same formulas; the devices fuse and round operations differently.
-                expect_same(a.dL_dmeans, b.dL_dmeans, kRelative);
-                expect_same(a.dL_dlog_scales, b.dL_dlog_scales, kRelative);
-                expect_same(a.dL_dquats, b.dL_dquats, 10 * kRelative);
-                expect_same(a.dL_dnormal, b.dL_dnormal, 10 * kRelative);
-                expect_same(a.dL_ddepth, b.dL_ddepth, 10 * kRelative);
-                expect_same(a.dL_dexpected_depth, b.dL_dexpected_depth, 10 * kRelative);
-                expect_same(a.dL_ddistortion, b.dL_ddistortion, kRelative);
-            }
-    }
+    if constexpr (kHasCuda)
+        for_each_term([](const LossCase& c, Term term, Reduction reduction) {
+            expect_same(evaluate<Cpu>(c, term, kWeight, reduction),
+                        test::evaluate_cuda(c, term, kWeight, reduction));
+        });
 }
 
 }  // namespace
