@@ -144,8 +144,8 @@ const NumberType* type_of(int array_class) {
 
 MatArray read_mat_array(const std::string& path, const std::string& name) {
     const MemoryFile alone(only_variable(path, name));
-    // Suppresses libmatio's own messages on standard error.
-    Mat_LogInitFunc("tvsgs", [](int, char*) {});
+    // Suppresses libmatio's own messages on standard error. Newer versions pass const char*.
+    Mat_LogInitFunc("tvsgs", [](int, auto*) {});
     const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(
         Mat_Open(alone.path().c_str(), MAT_ACC_RDONLY), Mat_Close);
     if (!file) throw mat_error(path, "cannot open it as a MATLAB file");
