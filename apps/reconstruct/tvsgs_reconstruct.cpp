@@ -301,7 +301,9 @@ void Reconstruction::run_stage(const StageKind& kind, StageRunner& runner) {
         spdlog::info("{}: done in {}", kind.title, clock_text(end.seconds));
     }
     if (SignalGuard::received() != 0) {
-        spdlog::info("Stopped; the same command continues");
+        spdlog::info("Stopped; the same command {}", &kind == &kPrepare && end.code != 0
+                                                         ? "searches the cameras anew"
+                                                         : "continues");
         SignalGuard::check();
     }
     if (end.code != 0)

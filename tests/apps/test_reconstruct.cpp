@@ -233,9 +233,15 @@ TEST_F(Reconstruct, AStoppedTrainingContinues) {
 }
 
 TEST_F(Reconstruct, AStageThatEndsWhileStoppingIsKept) {
+    write("before_prepare", "kill -TERM $PPID; sleep 5; exit 1");
+    const Result lost = run("photos out");
+    EXPECT_EQ(lost.code, 143);
+    EXPECT_TRUE(lost.says("the same command searches the cameras anew")) << lost;
     write("before_prepare", "trap '' TERM; kill -TERM $PPID; sleep 0.5");
-    EXPECT_EQ(run("photos out").code, 143);
-    EXPECT_EQ(calls(), "prepare ");
+    const Result kept = run("photos out");
+    EXPECT_EQ(kept.code, 143);
+    EXPECT_TRUE(kept.says("the same command continues")) << kept;
+    EXPECT_EQ(calls(), "prepare prepare ");
     // Killed, it ends its programs.
     write("before_train",
           "trap 'touch ended; exit 143' TERM; touch begun; while :; do sleep 0.02; done");
@@ -250,7 +256,7 @@ TEST_F(Reconstruct, AStageThatEndsWhileStoppingIsKept) {
     EXPECT_TRUE(until([&] { return fs::exists(folder / "ended"); }));
     fs::remove(folder / "before_train");
     EXPECT_EQ(run("photos out").code, 0);
-    EXPECT_EQ(calls(), "prepare train train extract-mesh view ");
+    EXPECT_EQ(calls(), "prepare prepare train train extract-mesh view ");
 }
 
 TEST_F(Reconstruct, BadInputIsRefusedBeforeAnythingRuns) {
