@@ -91,16 +91,18 @@ __global__ void __launch_bounds__(kThreads)
                  Span<const typename Model::Features> features,
                  Span<const std::uint32_t> splats,
                  Span<const TileSpan> spans,
+                 Span<const std::uint32_t> longest_first,
                  TileGrid grid,
                  typename Model::Writer write,
                  Span<std::uint32_t> stop_out) {
     __shared__ Batch<Model> batches[kWarps];
     Batch<Model>& batch = batches[threadIdx.x / 32];
-    LanePixels p = lane_pixels(grid, blockIdx.x);
+    const std::uint32_t tile = longest_first[blockIdx.x];
+    LanePixels p = lane_pixels(grid, tile);
     for (int k = 0; k < kPixels; ++k)
         if (!p.inside[k]) p.centre_y[k] = kOutOfReach;
     const std::uint32_t lane = threadIdx.x % 32;
-    const TileSpan span = spans[blockIdx.x];
+    const TileSpan span = spans[tile];
     typename Model::PixelForward pixels[kPixels] = {};
     std::uint32_t stop[kPixels] = {};
 
@@ -244,6 +246,7 @@ __global__ void __launch_bounds__(kThreads)
                      Span<const std::uint32_t> fragments,
                      Span<const std::uint32_t> splats,
                      Span<const TileSpan> spans,
+                     Span<const std::uint32_t> longest_first,
                      TileGrid grid,
                      Span<const float> transmittance,
                      Span<const std::uint32_t> stops,
@@ -262,8 +265,9 @@ __global__ void __launch_bounds__(kThreads)
                                ? int(warp) * kBatch * kValues + Model::filled(value)
                                : -1);
     Batch<Model>& batch = batches[warp];
-    const LanePixels p = lane_pixels(grid, blockIdx.x);
-    const TileSpan span = spans[blockIdx.x];
+    const std::uint32_t tile = longest_first[blockIdx.x];
+    const LanePixels p = lane_pixels(grid, tile);
+    const TileSpan span = spans[tile];
     typename Model::PixelBackward pixels[kPixels];
     std::uint32_t stop[kPixels];
     for (int k = 0; k < kPixels; ++k) {
@@ -411,9 +415,9 @@ void blend_tiles(const SplatsOf<Model, Cuda>& splats,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cuda>& stops) {
     using namespace blend_detail;
-    blend_kernel<Model><<<grid.count(), kThreads>>>(splats.shapes.span(), splats.features.span(),
-                                                    lists.splats.span(), lists.spans.span(), grid,
-                                                    write, stops.span());
+    blend_kernel<Model><<<grid.count(), kThreads>>>(
+        splats.shapes.span(), splats.features.span(), lists.splats.span(), lists.spans.span(),
+        lists.longest_first.span(), grid, write, stops.span());
     check_launch();
 }
 
@@ -432,7 +436,8 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
     const FragmentGradientSpans<Gradients> out{fragments.gradients.span(), fragments.drawn.span()};
     blend_vjp_kernel<Model><<<grid.count(), kThreads>>>(
         splats.shapes.span(), splats.features.span(), lists.fragments.span(), lists.splats.span(),
-        lists.spans.span(), grid, transmittance.span(), stops.span(), read, out);
+        lists.spans.span(), lists.longest_first.span(), grid, transmittance.span(), stops.span(),
+        read, out);
     check_launch();
     if (lists.visible_count == 0) return;
     constexpr int kLanes = kSplatLanes<Gradients>;

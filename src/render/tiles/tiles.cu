@@ -40,6 +40,32 @@ struct TileSpansBody {
     }
 };
 
+/// Orders the tiles by length of their spans in steps of kStep, longest first, so that no long tile
+/// starts last. Tiles of one step come in any order: no result depends on it. One block.
+constexpr unsigned kOrderThreads = 1024, kStep = 8;
+__global__ void __launch_bounds__(kOrderThreads)
+    longest_first_kernel(Span<const TileSpan> spans, Span<std::uint32_t> order) {
+    using Scan = cub::BlockScan<std::uint32_t, kOrderThreads>;
+    __shared__ typename Scan::TempStorage scan;
+    __shared__ std::uint32_t next[kOrderThreads];  // of each step, the longest first
+    const auto step_of = [&](std::uint32_t tile) {
+        const std::uint32_t length = (spans[tile].end - spans[tile].begin + kStep - 1) / kStep;
+        return kOrderThreads - 1 - min(length, kOrderThreads - 1);
+    };
+    next[threadIdx.x] = 0;
+    __syncthreads();
+    for (std::uint32_t tile = threadIdx.x; tile < spans.count; tile += kOrderThreads)
+        atomicAdd(&next[step_of(tile)], 1u);
+    __syncthreads();
+    std::uint32_t first;
+    Scan(scan).ExclusiveSum(next[threadIdx.x], first);
+    __syncthreads();
+    next[threadIdx.x] = first;
+    __syncthreads();
+    for (std::uint32_t tile = threadIdx.x; tile < spans.count; tile += kOrderThreads)
+        order[atomicAdd(&next[step_of(tile)], 1u)] = tile;
+}
+
 struct InView {
     Span<const float> radii;
     TVSGS_HD std::uint32_t operator()(std::uint32_t i) const {
@@ -135,6 +161,13 @@ void tiles_detail::sort_fragments(const TileGrid& grid, TileLists<Cuda>& lists) 
         sort_by_tile<std::uint16_t>(grid, lists);
     else
         sort_by_tile<std::uint32_t>(grid, lists);
+}
+
+void tiles_detail::order_tiles(TileLists<Cuda>& lists) {
+    lists.longest_first.resize(lists.spans.size());
+    longest_first_kernel<<<1, kOrderThreads>>>(std::as_const(lists.spans).span(),
+                                               lists.longest_first.span());
+    check_launch();
 }
 
 }  // namespace tvsgs

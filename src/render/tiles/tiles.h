@@ -100,11 +100,12 @@ struct TileLists {
     Buffer<std::uint32_t, Device> fragment_counts;          // [N] 0: draws nothing
     Buffer<std::uint32_t, Device> first_fragment;           // [N] undefined if there are none
     Buffer<std::uint32_t, Device> first_fragment_by_depth;  // [visible] the same, front to back
-    Buffer<std::uint32_t, Device> fragments;    // [fragments] by tile, then depth, then splat index
-    Buffer<std::uint32_t, Device> splats;       // [fragments] splat of each
-    Buffer<TileSpan, Device> spans;             // [tiles]
-    int fragment_count = 0, visible_count = 0;  // visible: splats with fragments
-    std::uint32_t in_view = 0;                  // *ViewSplats::in_view; 0 if null
+    Buffer<std::uint32_t, Device> fragments;  // [fragments] by tile, then depth, then splat index
+    Buffer<std::uint32_t, Device> splats;     // [fragments] splat of each
+    Buffer<TileSpan, Device> spans;           // [tiles]
+    Buffer<std::uint32_t, Device> longest_first;  // [tiles] tiles by length of span; CUDA only
+    int fragment_count = 0, visible_count = 0;    // visible: splats with fragments
+    std::uint32_t in_view = 0;                    // *ViewSplats::in_view; 0 if null
 
     // Scratch.
     Buffer<std::uint64_t, Device> totals;

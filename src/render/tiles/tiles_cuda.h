@@ -168,6 +168,9 @@ inline bool has_short_keys(const TileGrid& grid) {
 /// Sorts the emitted fragments by tile.
 void sort_fragments(const TileGrid& grid, TileLists<Cuda>& lists);
 
+/// Computes lists.longest_first from lists.spans.
+void order_tiles(TileLists<Cuda>& lists);
+
 template <class Key, class Shape>
 void emit_fragments(const Projected<Shape>& in, TileLists<Cuda>& lists) {
     emit_fragments_kernel<<<(lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
@@ -178,13 +181,10 @@ void emit_fragments(const Projected<Shape>& in, TileLists<Cuda>& lists) {
     check_launch();
 }
 
-}  // namespace tiles_detail
-
 template <class Shape, class Features>
-void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
-                      const TileGrid& grid,
-                      TileLists<Cuda>& lists) {
-    using namespace tiles_detail;
+void list_fragments(const ViewSplats<Cuda, Shape, Features>& splats,
+                    const TileGrid& grid,
+                    TileLists<Cuda>& lists) {
     const int n = int(splats.rects.size());
     lists.fragment_counts.resize(n), lists.first_fragment.resize(n), lists.visible.resize(n);
     lists.spans.resize(grid.count()), lists.totals.resize(3), lists.hit_masks.resize(n);
@@ -205,6 +205,16 @@ void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
     else
         emit_fragments<std::uint32_t>(in, lists);
     sort_fragments(grid, lists);
+}
+
+}  // namespace tiles_detail
+
+template <class Shape, class Features>
+void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
+                      const TileGrid& grid,
+                      TileLists<Cuda>& lists) {
+    tiles_detail::list_fragments(splats, grid, lists);
+    tiles_detail::order_tiles(lists);
 }
 
 /// Instantiates the functions for one type of splat.
