@@ -34,8 +34,14 @@ struct Arguments {
     std::optional<int> resolution;
     double time_budget = 0;
     bool overwrite = false, open = false;
+    Words of_prepare;  // flags for tvsgs-prepare
     Words of_machine;  // flags for all programs that change no result
 };
+
+std::string absolute(const std::string& path) {
+    const fs::path whole = fs::absolute(path).lexically_normal();
+    return (whole.has_filename() ? whole : whole.parent_path()).string();
+}
 
 Arguments parse(int argc, char** argv) {
     Arguments a;
@@ -58,6 +64,14 @@ Arguments parse(int argc, char** argv) {
                    "in pixels [by --quality]");
     add_number(app, "--time-budget", a.time_budget, 0, 1e9,
                "shorten the training to so many seconds [0: no limit]");
+    std::string gcp, checkpoints;
+    bool gps = false;
+    app.add_option("--gcp", gcp,
+                   "list of control points: puts the scene into metres at its place (as "
+                   "tvsgs-prepare does)");
+    app.add_option("--checkpoints", checkpoints,
+                   "names of control points, with commas: only measured");
+    app.add_flag("--gps", gps, "put the scene into metres by the places of the cameras in EXIF");
     app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
     app.add_flag("--overwrite", a.overwrite,
                  "start anew: remove the files that an earlier call wrote to OUT");
@@ -67,13 +81,12 @@ Arguments parse(int argc, char** argv) {
     if (a.device != "auto" && (!kHasCuda || !a.device.starts_with("cuda"))) choose_device(a.device);
     resized_size(a.resolution.value_or(-1), 1, 1);  // reports a wrong value
     while (a.out.size() > 1 && a.out.ends_with('/')) a.out.pop_back();
+    if (!gcp.empty()) a.of_prepare = {"--gcp", absolute(gcp)};
+    if (!checkpoints.empty())
+        a.of_prepare.insert(a.of_prepare.end(), {"--checkpoints", checkpoints});
+    if (gps) a.of_prepare.emplace_back("--gps");
     if (app.count("--threads") > 0) a.of_machine = {"--threads", str(thread_count())};
     return a;
-}
-
-std::string absolute(const std::string& path) {
-    const fs::path whole = fs::absolute(path).lexically_normal();
-    return (whole.has_filename() ? whole : whole.parent_path()).string();
 }
 
 /// The cameras and image names of a scene; nothing if the folder has no cameras.
@@ -194,6 +207,9 @@ Reconstruction::Reconstruction(const Arguments& a)
             throw usage_error(a.photos, ": these photographs have cameras, in ", model,
                               "; give the folder of that scene");
     }
+    if (has_cameras && !a.of_prepare.empty())
+        throw usage_error(a.photos, ": has cameras already, ", a.of_prepare.front(),
+                          " is for photographs without; run tvsgs-prepare with it first");
     stages_ = has_cameras ? std::vector{&kTrain, &kMesh, &kView}
                           : std::vector{&kPrepare, &kTrain, &kMesh, &kView};
     for (const StageKind* stage : stages_)
@@ -214,7 +230,11 @@ Reconstruction::Reconstruction(const Arguments& a)
 
 /// The command of a stage, without the flags of the machine.
 Words Reconstruction::words(const StageKind& kind) const {
-    if (&kind == &kPrepare) return {kind.program, input_, scene_};
+    if (&kind == &kPrepare) {
+        Words words{kind.program, input_, scene_};
+        words.insert(words.end(), a_.of_prepare.begin(), a_.of_prepare.end());
+        return words;
+    }
     if (&kind == &kMesh) return {kind.program, run_};
     if (&kind == &kView) return {kind.program, run_, "--out", page_};
     const std::string scene = stages_.front() == &kPrepare ? scene_ : input_;

@@ -95,7 +95,7 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
     const bool seen = look.points_per_pixel > 0;
     const double scene_pixels = seen ? double(look.points) / look.points_per_pixel : look.pixels;
     std::string reason = str("the model has ", short_figure(look.points_per_pixel),
-                             " per textured pixel, ", kModelCovers, " needed");
+                             " per textured pixel; stereo makes more below ", kModelCovers);
     // A trial at a small size must not promise the plan of the full size.
     if (const double full = look.points_per_pixel / (look.reduction * look.reduction);
         covers != (full >= kModelCovers))
@@ -104,7 +104,7 @@ Decision decide_cloud(const SceneLook& look, bool dense) {
     const auto whole = [](double points) { return number(std::ceil(std::min(points, 1e9))); };
     Settings settings{{"init.min_points", covers ? "0" : whole(kModelCovers * scene_pixels + 1)}};
     if (!covers && seen) {
-        reason += str("; stereo makes up to ", kStereoPoints);
+        reason += str(", up to ", kStereoPoints);
         settings.emplace_back("init.max_points", whole(kStereoPoints * scene_pixels));
     }
     return {"start points",

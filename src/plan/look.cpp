@@ -318,7 +318,7 @@ CommonBall common_ball(const std::vector<Camera>& cameras, const std::vector<Vec
 std::string coverage_text(double points_per_pixel) {
     const double covered = covered_share(points_per_pixel);
     return str(short_figure(points_per_pixel), " start points per textured pixel: ",
-               covered >= 1  ? std::string("enough")
+               covered >= 1  ? std::string("they cover the scene")
                : covered > 0 ? str(percent(covered), " of the way from ", kSparseCloud, " to the ",
                                    kCoveringCloud, " that cover the scene")
                              : str("too few (", kSparseCloud, " or more help)"));

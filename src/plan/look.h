@@ -79,7 +79,8 @@ struct CommonBall {
 };
 CommonBall common_ball(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points);
 
-/// "0.67 start points per textured pixel: enough", against kSparseCloud and kCoveringCloud.
+/// "0.67 start points per textured pixel: they cover the scene", against kSparseCloud and
+/// kCoveringCloud.
 std::string coverage_text(double points_per_pixel);
 
 }  // namespace tvsgs

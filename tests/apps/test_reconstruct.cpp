@@ -216,6 +216,18 @@ TEST_F(Reconstruct, QualityChoosesSizeAndIterations) {
               "--resolution 300 --iterations 800 --time-budget 90.5 --resume\n");
 }
 
+TEST_F(Reconstruct, ControlPointsGoToTheSearchForCameras) {
+    write("before_prepare", "exit 9");
+    EXPECT_EQ(run("photos out --gcp list.txt --checkpoints a,b").code, 9);
+    EXPECT_TRUE(text("calls.txt")
+                    .ends_with("out/scene --gcp " + (folder / "list.txt").string() +
+                               " --checkpoints a,b\n"))
+        << text("calls.txt");
+    fs::remove(folder / "calls.txt");
+    EXPECT_EQ(run("photos out --gps").code, 9);
+    EXPECT_TRUE(text("calls.txt").ends_with("out/scene --gps\n")) << text("calls.txt");
+}
+
 TEST_F(Reconstruct, AStoppedTrainingContinues) {
     const pid_t first = start("scene out");
     EXPECT_TRUE(until([&] {
@@ -281,6 +293,7 @@ TEST_F(Reconstruct, BadInputIsRefusedBeforeAnythingRuns) {
     refused("photos out -r 0", 2, "expected -1, 1, 2, 4, 8 or a width in pixels");
     refused("photos out --time-budget -1", 2, "--time-budget");
     refused("photos out --quality high", 2, "expected one of draft,normal,best");
+    refused("scene out --gcp list.txt", 2, "scene: has cameras already, --gcp");
     refused("photos", 2, "expected tvsgs-reconstruct PHOTOS OUT");
     EXPECT_EQ(text("foreign/mine.txt"), "mine");
     EXPECT_FALSE(fs::exists(folder / "photos/out"));

@@ -128,7 +128,7 @@ TEST(Plan, DecisionsSayWhereOnTheSlopeTheyAre) {
         reason(0.05),
         "0.05 start points per textured pixel: 38 % of the way from 0.02 to the 0.1 that cover the "
         "scene");
-    EXPECT_EQ(reason(0.776), "0.78 start points per textured pixel: enough");
+    EXPECT_EQ(reason(0.776), "0.78 start points per textured pixel: they cover the scene");
 }
 
 TEST(Plan, DenseSettingsKeepTheirGrowth) {

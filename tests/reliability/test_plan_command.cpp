@@ -29,7 +29,7 @@ TEST_F(PlanCommand, PrintsAndStops) {
          {"scene ", "8 training and 0 test photographs", "preset ", "few photographs",
           "fewer than 40", "none needed", "(densify.enabled)", "exposure"})
         EXPECT_NE(plan.out.find(part), std::string::npos) << part << "\n" << plan.out;
-    const std::string coverage = "start points per textured pixel: enough";
+    const std::string coverage = "start points per textured pixel: they cover the scene";
     const std::size_t first = plan.out.find(coverage);
     ASSERT_NE(first, std::string::npos) << plan.out;
     EXPECT_EQ(plan.out.find(coverage, first + 1), std::string::npos) << "said once: " << plan.out;
