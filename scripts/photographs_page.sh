@@ -29,8 +29,8 @@ ring_12_11_32_train_3: ring_12_11_32 01.png 45 hidden --split train_3
 ring_12_11_32_train_6: ring_12_11_32 01.png 45 hidden --split train_6
 ring_12_11_32: ring_12_11_32 01.png 45 hidden --split train_all
 fountain-P11: fountain-P11 0005.jpg 45 hidden
-dtu_scan24: dtu_scan24 000025.jpg 45 hidden --split train_9
-dtu_scan24_no_masks: dtu_scan24 000025.jpg 45 hidden --split train_9 --mask-use none
+dtu_scan24: dtu_scan24 000025.jpg 45 hidden --images image --split train_9
+dtu_scan24_no_masks: dtu_scan24 000025.jpg 45 hidden --images image --split train_9 --mask-use none
 stone_bust: stone_bust 0024.jpg 45 hidden --split train_9
 ycb_table: ycb_table 0024.jpg 45 hidden --split train_9
 "

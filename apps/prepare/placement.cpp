@@ -89,7 +89,7 @@ Vec3d earth_centred(const GeodeticPlace& p) {
 
 }  // namespace
 
-void require_no_line(const std::vector<Vec3d>& places, double error, const std::string& where) {
+void require_rotation(const std::vector<Vec3d>& places, double error, const std::string& where) {
     const double n = static_cast<double>(places.size());
     Vec3d mean;
     for (const Vec3d p : places) mean += p / n;
@@ -103,8 +103,18 @@ void require_no_line(const std::vector<Vec3d>& places, double error, const std::
     const double along = std::sqrt(std::max(squares.x, 0.0)),
                  across = std::sqrt(std::max(squares.y, 0.0));
     constexpr double kAcross = 0.02, kTurn = 0.17;
-    if (!(across > kAcross * along && error < kTurn * across * std::sqrt(n)))
-        throw_on_a_line(where, places.size(), along, across);
+    if (!(across > kAcross * along)) throw_on_a_line(where, places.size(), along, across);
+    if (!(error < kTurn * across * std::sqrt(n)))
+        throw input_error(where, ": the places do not fit the photographs: residual ",
+                          rounded(error, 3), " m, but they spread only ", rounded(across, 3),
+                          " m across their longest direction (standard deviations); check "
+                          "coordinates, heights and marks");
+}
+
+void require_rotation(const Fit& fit, const std::vector<Vec3d>& model, const std::string& where) {
+    std::vector<Vec3d> places;
+    for (const Vec3d p : taken(model, fit.inlier)) places.push_back(fit.world_from_model.A * p);
+    require_rotation(places, fit.rmse, where);
 }
 
 Fit fit_without_outliers(const std::vector<Vec3d>& model,
@@ -145,9 +155,6 @@ Fit fit_without_outliers(const std::vector<Vec3d>& model,
     double squared = 0;
     for (const double residual : r) squared += residual * residual;
     fit.rmse = std::sqrt(squared / static_cast<double>(r.size()));
-    std::vector<Vec3d> places;
-    for (const Vec3d p : taken(model, fit.inlier)) places.push_back(fit.world_from_model.A * p);
-    require_no_line(places, fit.rmse, where);
     return fit;
 }
 
@@ -238,6 +245,7 @@ GeoFrame place_by_exif(const SparseModel& model, const std::vector<Photograph>& 
     if (outliers > 0)
         spdlog::warn("The EXIF places of {} photographs, such as {}, do not fit and are not used",
                      outliers, first);
+    require_rotation(fit, centres, "--gps");
     GeoFrame out = geo_frame(fit, frame.projection());
     out.report.add("cameras", cameras);
     return out;

@@ -26,16 +26,19 @@ struct Fit {
 /// one for which the residual of the best two thirds of the pairs is smallest. Then fits all pairs
 /// below a limit, until they stay the same; the limit is `tolerance` (metres) or a multiple of that
 /// residual, 2.5 (1 + 5 / (n - 3)), the larger one. [Rousseeuw87] `where` begins messages. Throws
-/// Error(ExitCode::input) for fewer than 3 pairs, and like require_no_line().
+/// Error(ExitCode::input) for fewer than 3 pairs, and if all lie on one line. Its caller logs the
+/// residuals, then calls require_rotation().
 Fit fit_without_outliers(const std::vector<Vec3d>& model,
                          const std::vector<Vec3d>& world,
                          double tolerance,
                          const std::string& where);
 
-/// Throws Error(ExitCode::input) if the places (metres) lie so close to one line that the rotation
-/// around it is unknown: they spread across it by less than 2 % of the spread along it, or so
-/// little that `error` of each (metres) turns them by 10 degrees.
-void require_no_line(const std::vector<Vec3d>& places, double error, const std::string& where);
+/// Throws Error(ExitCode::input) if the places (metres) do not determine the rotation around the
+/// line through them: they spread across it by less than 2 % of the spread along it, or so little
+/// that `error` of each (metres) turns them by 10 degrees.
+void require_rotation(const std::vector<Vec3d>& places, double error, const std::string& where);
+/// The same for a fit to the points `model`.
+void require_rotation(const Fit& fit, const std::vector<Vec3d>& model, const std::string& where);
 
 /// East, north and up, in metres, from a point on the ellipsoid of WGS84.
 class LocalFrame {

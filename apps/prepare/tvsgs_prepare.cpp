@@ -31,7 +31,8 @@ namespace fs = std::filesystem;
 
 struct Arguments {
     std::string photos, scene, cameras = "auto", matcher = "auto", calibration,
-                               dictionary = "DICT_4X4_50", markers_on = "floor", gcp, checkpoints;
+                               dictionary = "DICT_4X4_50", markers_on = "floor", gcp, checkpoints,
+                               model;
     ReconstructOptions reconstruct;
     double marker_size = 0;
     int min_share = 50, frames = 150;
@@ -62,6 +63,9 @@ Arguments parse(int argc, char** argv) {
         "calibration file of OpenCV (YAML, XML or JSON): the lens of all photographs, not refined");
     app.add_option("--poses", a.reconstruct.poses,
                    "COLMAP model (cameras, images): keep its poses, make the points only");
+    app.add_option("--model", a.model,
+                   "COLMAP model (.bin files) of these photographs: take its cameras and points, "
+                   "without COLMAP");
     start_group(app, "Metric frame");
     app.add_option("--marker-size", a.marker_size,
                    "side of the ArUco or AprilTag markers in the scene, metres: makes the scene "
@@ -104,6 +108,12 @@ Arguments parse(int argc, char** argv) {
            "--calibration and --cameras each exclude each other: the calibration is for one lens");
     refuse(!a.calibration.empty() && a.reconstruct.lens != "auto",
            "--calibration and --lens exclude each other: the file names the lens");
+    if (!a.model.empty())
+        for (const char* flag : {"--cameras", "--lens", "--calibration", "--poses", "--matcher",
+                                 "--feature-size", "--frames"})
+            if (app.count(flag) > 0)
+                throw usage_error(flag, ": has no effect with --model; remove it");
+    refuse(video && !a.model.empty(), "--model needs photographs, not a video");
     refuse(video && app.count("--cameras") > 0, "--cameras: a video has one camera; remove it");
     refuse(folder && app.count("--frames") > 0, "--frames: only for a video; remove it");
     refuse(app.count("--marker-size") == 0 &&
@@ -195,11 +205,11 @@ void check_places(const Arguments& a, const fs::path& scene) {
                !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
         throw usage_error(a.scene, ": already exists and is not empty; choose another folder");
     }
-    if (!a.anew && a.reconstruct.poses.empty() && fs::is_directory(a.photos))
+    if (!a.anew && a.reconstruct.poses.empty() && a.model.empty() && fs::is_directory(a.photos))
         if (const std::string model = find_model_of(a.photos); !model.empty())
             throw usage_error(a.photos, ": these photographs have cameras already, in ", model,
-                              ": train on that scene, keep its poses with --poses MODEL, or find "
-                              "all again with --anew");
+                              ": train on that scene, take them with --model MODEL (--poses: "
+                              "the poses only), or find all again with --anew");
     if (a.marker_size > 0) {
         const std::vector<std::string> known = marker_dictionaries();
         if (std::ranges::find(known, a.dictionary) == known.end()) {
@@ -210,6 +220,28 @@ void check_places(const Arguments& a, const fs::path& scene) {
                                     "(Debian: libopencv-contrib-dev)");
         }
     }
+}
+
+/// The model of --model. Throws Error(ExitCode::input) if it has other photographs.
+SparseModel model_of(const std::string& folder, const std::vector<Photograph>& photographs) {
+    SparseModel model = read_sparse_model(folder);
+    for (const SparseImage& image : model.images)
+        if (std::ranges::find(photographs, image.name, &Photograph::name) == photographs.end())
+            throw input_error(
+                folder, ": has the photograph ", image.name,
+                ", which is not in the folder; expected a model of these photographs");
+    if (model.images.size() < 2)
+        throw input_error(folder, ": has ", model.images.size(),
+                          " photographs with poses; expected 2 or more");
+    return model;
+}
+
+/// Writes the model beside the scene, because it took long to find; returns its folder.
+std::string keep_model(const fs::path& scene, const SparseModel& model) {
+    std::string folder = scene.string() + ".cameras";
+    if (fs::exists(folder)) folder = str(folder, "-", getpid());
+    write_sparse_model(folder, model);
+    return folder;
 }
 
 /// The calibration scaled to the size of the photographs, which must be the same for all.
@@ -270,7 +302,7 @@ int command(int argc, char** argv) {
     fs::path scene = fs::weakly_canonical(fs::absolute(a.scene));  // the target of a link
     if (!scene.has_filename()) scene = scene.parent_path();
     check_places(a, scene);
-    const std::string colmap = find_colmap();
+    const std::string colmap = a.model.empty() ? find_colmap() : "";
     const SignalGuard signals;
     fs::create_directories(scene.parent_path());
     WorkFolder work(scene);
@@ -316,10 +348,14 @@ int command(int argc, char** argv) {
     else if (std::ranges::any_of(photographs, &Photograph::convert))
         throw usage_error(a.photos,
                           ": TIFF and WebP need a copy as PNG; choose another scene folder");
-    const std::string log = start_log(scene);
-    Reconstruction found = with_context(
-        str("preparing ", a.scene, " (messages of COLMAP: ", log, ")"),
-        [&] { return reconstruct(colmap, work.path(), images, log, groups, a.reconstruct); });
+    const std::string log = a.model.empty() ? start_log(scene) : "";
+    Reconstruction found;
+    if (!a.model.empty())
+        found.models = {model_of(a.model, photographs)};
+    else
+        found = with_context(str("preparing ", a.scene, " (messages of COLMAP: ", log, ")"), [&] {
+            return reconstruct(colmap, work.path(), images, log, groups, a.reconstruct);
+        });
     std::vector<std::string> names;
     for (const Photograph& photo : photographs) names.push_back(photo.name);
     const Check check = check_models(names, found.models, found.features);
@@ -329,27 +365,37 @@ int command(int argc, char** argv) {
             a.photos, ": ", check.registered, " of ", check.photographs,
             " photographs have poses, expected ", a.min_share,
             " % or more; add photographs as listed above, or accept it with --min-share ",
-            check.registered * 100 / check.photographs, "; messages of COLMAP: ", log);
+            check.registered * 100 / check.photographs,
+            log.empty() ? "" : "; messages of COLMAP: " + log);
 
     // 3. Write the complete scene, then give it its name.
     SparseModel& model = found.models[0];
     JsonValue report = json_of(check);
-    report.set("colmap", found.colmap);
-    report.set("feature_size", a.reconstruct.feature_size);
-    if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));
-    if (control || a.gps) {
-        const GeoFrame frame =
-            control ? place_by_control_points(model, *control) : place_by_exif(model, photographs);
-        report.set("georeference", put_in_place(frame, made, model));
+    if (a.model.empty()) {
+        report.set("colmap", found.colmap);
+        report.set("feature_size", a.reconstruct.feature_size);
+    }
+    try {
+        if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));
+        if (control || a.gps)
+            report.set("georeference",
+                       put_in_place(control ? place_by_control_points(model, *control)
+                                            : place_by_exif(model, photographs),
+                                    made, model));
+    } catch (const Error& error) {
+        if (!a.model.empty()) throw;
+        throw Error(error.code(), error.what(),
+                    "\n  The cameras are kept. After a correction, repeat tvsgs-prepare with ",
+                    shell_line({"--model", keep_model(scene, model)}));
     }
     for (const std::string& name : names)
         if (!in_place && !std::ranges::binary_search(model.images, name, {}, &SparseImage::name))
             fs::remove(images / name);
     write_sparse_model((made / "sparse/0").string(), model);
     write_text_file((made / "prepare.json").string(), json_text(report) + "\n");
-    fs::copy_file(log, made / "prepare.log");
+    if (!log.empty()) fs::copy_file(log, made / "prepare.log");
     work.put(made);
-    fs::remove(log);
+    if (!log.empty()) fs::remove(log);
     spdlog::info("Wrote {}: {} photographs with cameras", a.scene, check.registered);
     say_next({"tvsgs-train", "--scene", a.scene}, "train on it");
     return 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -89,6 +90,7 @@ void draw(int argc, char** argv) {
     SceneOptions options;
     options.path = argv[3];
     options.need_points = false;
+    if (!std::filesystem::is_directory(options.path + "/images")) options.images = "image";
     const Scene scene = read_scene(options);
     std::vector<Camera> cameras;
     const View* view = nullptr;

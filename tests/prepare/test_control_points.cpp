@@ -145,10 +145,11 @@ TEST(ControlPoints, ALineOrTwoPointsGiveNoFrame) {
     expect_error(ExitCode::input, "9 places on one line", [&] { place(line); });
     // Wide enough for exact coordinates, too narrow for coordinates that are off by a metre.
     const std::vector<Vec3d> band = {{0, 0, 0}, {10, 1, 0}, {20, 0, 0}, {30, 1, 0}};
-    require_no_line(band, 0.1, "x");
-    expect_error(ExitCode::input, "4 places on one line", [&] { require_no_line(band, 1, "x"); });
+    require_rotation(band, 0.1, "x");
+    expect_error(ExitCode::input, "the places do not fit the photographs: residual 1 m",
+                 [&] { require_rotation(band, 1, "x"); });
     expect_error(ExitCode::input, "on one line", [&] {
-        require_no_line({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, 0, "x");
+        require_rotation({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, 0, "x");
     });
 }
 

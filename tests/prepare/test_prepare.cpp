@@ -334,11 +334,15 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
 
 /// A list with five control points that the photographs of made_model() show exactly. A unit of the
 /// model is two metres.
-std::string control_list(const SparseModel& model, Vec3d away) {
+/// `step`: of another size than 1, the points have the places of others.
+std::string control_list(const SparseModel& model, Vec3d away, int step = 1) {
     const Intrinsics in = intrinsics_of(model.cameras[0]);
     std::string text = "WGS84 UTM 32N\n";
     for (int i = 0; i < 5; ++i) {
-        const Vec3d at{std::cos(2.0 * i), std::sin(2.0 * i), 0.2 * i}, place = 2 * at + away;
+        const auto point = [](int k) {
+            return Vec3d{std::cos(2.0 * k), std::sin(2.0 * k), 0.2 * k};
+        };
+        const Vec3d at = point(i), place = 2 * point(step * i % 5) + away;
         for (const SparseImage& image : model.images) {
             const Vec2<double> px = project(in, image.camera_from_world(), at);
             text += fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {} p{}\n", place.x, place.y,
@@ -375,6 +379,38 @@ TEST_F(Prepare, ControlPointsPutTheSceneInPlace) {
     const Scene scene = read_scene(options);
     EXPECT_LT(norm(scene.origin - away), 20);
     EXPECT_EQ(norm(scene.origin - place->origin), 0);
+}
+
+TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
+    photos(kNames);
+    const SparseModel model = made_model(kNames);
+    store(0, model);
+    const Vec3d away{691200, 5337600, 512};
+    write("gcp_list.txt", control_list(model, away, 2));
+    Result r = run("photos scene --gcp gcp_list.txt");
+    EXPECT_EQ(r.code, 3) << r;
+    for (const std::string& part :
+         {std::string("p1: east "), std::string("the places do not fit the photographs: residual "),
+          str("repeat tvsgs-prepare with --model ", (folder / "scene.cameras").string())})
+        EXPECT_TRUE(r.says(part)) << part << r;
+    EXPECT_FALSE(fs::exists(folder / "scene"));
+
+    // COLMAP is not needed again.
+    write("gcp_list.txt", control_list(model, away)), write("calls.txt", "");
+    r = run("photos scene --gcp gcp_list.txt --model scene.cameras");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("Control points: 5 fitted, residual 0.000 m (RMS)")) << r;
+    EXPECT_EQ(text("calls.txt"), "");
+    EXPECT_EQ(read_sparse_model((folder / "scene/sparse/0").string()).points.size(),
+              model.points.size());
+
+    fs::remove(folder / "photos/IMG_1.JPG");
+    r = run("photos s2 --model scene.cameras");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("has the photograph IMG_1.JPG, which is not in the folder")) << r;
+    r = run("photos s2 --model scene.cameras --matcher sequential");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("--matcher: has no effect with --model")) << r;
 }
 
 TEST_F(Prepare, FramesThatCannotBeAreRefusedBeforeColmap) {
