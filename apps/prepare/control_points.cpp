@@ -181,7 +181,7 @@ ControlPoints read_control_points(const std::string& path,
         throw input_error(
             path, ": ", places.size(), " points to fit with marks in two or more photographs",
             out.checkpoints.empty() ? "" : ", without checkpoints", "; expected at least 3");
-    require_rotation(places, 0, path);
+    require_rotation(places, {}, path);
     return out;
 }
 
@@ -283,7 +283,7 @@ GeoFrame place_by_control_points(const SparseModel& model, const ControlPoints& 
         spdlog::info("Checkpoints: {}, residual {:.3f} m (RMS)", checks, rmse);
         out.report.add("checkpoint_rmse_m", rounded(rmse, 4));
     }
-    require_rotation(fit, from, list.path);
+    check_fit(fit, from, to, list.path);
     out.report.add("points", lines);
     warn_if_upside_down(model, out.to_world, list.path);
     return out;

@@ -63,14 +63,18 @@ std::vector<Value> taken(const std::vector<Value>& values, const std::vector<boo
     return out;
 }
 
-[[noreturn]] void throw_on_a_line(const std::string& where,
-                                  std::size_t count,
-                                  double along,
-                                  double across) {
-    throw input_error(where, ": ", count, " places on one line, ", rounded(along, 3),
-                      " m along it and ", rounded(across, 3),
-                      " m across (standard deviations): the rotation around it is unknown; "
-                      "expected places to both sides of it");
+/// Second moments about the mean.
+Sym3<double> moments_of(const std::vector<Vec3d>& places) {
+    const double n = static_cast<double>(places.size());
+    Vec3d mean;
+    for (const Vec3d p : places) mean += p / n;
+    Sym3<double> moments;
+    for (const Vec3d p : places) {
+        const Vec3d d = p - mean;
+        moments.xx += d.x * d.x / n, moments.xy += d.x * d.y / n, moments.xz += d.x * d.z / n;
+        moments.yy += d.y * d.y / n, moments.yz += d.y * d.z / n, moments.zz += d.z * d.z / n;
+    }
+    return moments;
 }
 
 // WGS84: half axis in metres, flattening.
@@ -89,32 +93,45 @@ Vec3d earth_centred(const GeodeticPlace& p) {
 
 }  // namespace
 
-void require_rotation(const std::vector<Vec3d>& places, double error, const std::string& where) {
+void require_rotation(const std::vector<Vec3d>& places,
+                      const std::vector<Vec3d>& errors,
+                      const std::string& where) {
     const double n = static_cast<double>(places.size());
-    Vec3d mean;
-    for (const Vec3d p : places) mean += p / n;
-    Sym3<double> moments;
-    for (const Vec3d p : places) {
-        const Vec3d d = p - mean;
-        moments.xx += d.x * d.x / n, moments.xy += d.x * d.y / n, moments.xz += d.x * d.z / n;
-        moments.yy += d.y * d.y / n, moments.yz += d.y * d.z / n, moments.zz += d.z * d.z / n;
-    }
-    const Vec3d squares = sym_eigenvalues(moments);
-    const double along = std::sqrt(std::max(squares.x, 0.0)),
-                 across = std::sqrt(std::max(squares.y, 0.0));
+    const SymEigen3<double> spread = sym_eigen(moments_of(places));
+    const double along = std::sqrt(std::max(spread.values.x, 0.0)),
+                 across = std::sqrt(std::max(spread.values.y, 0.0));
     constexpr double kAcross = 0.02, kTurn = 0.17;
-    if (!(across > kAcross * along)) throw_on_a_line(where, places.size(), along, across);
-    if (!(error < kTurn * across * std::sqrt(n)))
-        throw input_error(where, ": the places do not fit the photographs: residual ",
-                          rounded(error, 3), " m, but they spread only ", rounded(across, 3),
-                          " m across their longest direction (standard deviations); check "
-                          "coordinates, heights and marks");
+    if (!(across > kAcross * along))
+        throw input_error(where, ": ", places.size(), " places on one line, ", rounded(along, 3),
+                          " m along it and ", rounded(across, 3),
+                          " m across (standard deviations): the rotation around it is unknown; "
+                          "expected places to both sides of it");
+    double squared = 0;
+    for (const Vec3d e : errors) squared += std::pow(dot(e, column(spread.vectors, 2)), 2) / n;
+    if (const double error = std::sqrt(squared); !(error < kTurn * across * std::sqrt(n)))
+        throw input_error(where, ": the places do not fit the photographs: they spread ",
+                          rounded(along, 3), " m and ", rounded(across, 3),
+                          " m, with residuals of ", rounded(error, 3),
+                          " m out of this plane; check coordinates, heights and marks");
 }
 
-void require_rotation(const Fit& fit, const std::vector<Vec3d>& model, const std::string& where) {
-    std::vector<Vec3d> places;
-    for (const Vec3d p : taken(model, fit.inlier)) places.push_back(fit.world_from_model.A * p);
-    require_rotation(places, fit.rmse, where);
+void check_fit(const Fit& fit,
+               const std::vector<Vec3d>& model,
+               const std::vector<Vec3d>& world,
+               const std::string& where) {
+    std::vector<Vec3d> places, errors;
+    for (std::size_t i = 0; i < model.size(); ++i)
+        if (fit.inlier[i]) {
+            places.push_back(fit.world_from_model * model[i]);
+            errors.push_back(places.back() - world[i]);
+        }
+    require_rotation(places, errors, where);
+    const Sym3<double> spread = moments_of(places);
+    const double unknown = fit.rmse / std::sqrt((spread.xx + spread.yy + spread.zz) *
+                                                static_cast<double>(places.size()));
+    if (unknown > 0.01)
+        spdlog::warn("{}: the residuals leave the scale unknown by about {:.0f} %", where,
+                     100 * unknown);
 }
 
 Fit fit_without_outliers(const std::vector<Vec3d>& model,
@@ -133,7 +150,7 @@ Fit fit_without_outliers(const std::vector<Vec3d>& model,
         const double residual = ranked(residuals(*T, model, world), most);
         if (residual < least) least = residual, best = T;
     }
-    if (!best) throw_on_a_line(where, n, 0, 0);
+    if (!best) throw input_error(where, ": ", n, " places on one line; expected places beside it");
     // A fit through few pairs has small residuals by chance, so the limit is wider for them.
     const auto limit_of = [&](const std::vector<double>& r) {
         if (n == 3) return std::numeric_limits<double>::infinity();
@@ -245,7 +262,7 @@ GeoFrame place_by_exif(const SparseModel& model, const std::vector<Photograph>& 
     if (outliers > 0)
         spdlog::warn("The EXIF places of {} photographs, such as {}, do not fit and are not used",
                      outliers, first);
-    require_rotation(fit, centres, "--gps");
+    check_fit(fit, centres, world, "--gps");
     GeoFrame out = geo_frame(fit, frame.projection());
     out.report.add("cameras", cameras);
     return out;

@@ -27,7 +27,7 @@ struct Fit {
 /// below a limit, until they stay the same; the limit is `tolerance` (metres) or a multiple of that
 /// residual, 2.5 (1 + 5 / (n - 3)), the larger one. [Rousseeuw87] `where` begins messages. Throws
 /// Error(ExitCode::input) for fewer than 3 pairs, and if all lie on one line. Its caller logs the
-/// residuals, then calls require_rotation().
+/// residuals, then calls check_fit().
 Fit fit_without_outliers(const std::vector<Vec3d>& model,
                          const std::vector<Vec3d>& world,
                          double tolerance,
@@ -35,10 +35,16 @@ Fit fit_without_outliers(const std::vector<Vec3d>& model,
 
 /// Throws Error(ExitCode::input) if the places (metres) do not determine the rotation around the
 /// line through them: they spread across it by less than 2 % of the spread along it, or so little
-/// that `error` of each (metres) turns them by 10 degrees.
-void require_rotation(const std::vector<Vec3d>& places, double error, const std::string& where);
-/// The same for a fit to the points `model`.
-void require_rotation(const Fit& fit, const std::vector<Vec3d>& model, const std::string& where);
+/// that the errors (metres, one per place or none) across both directions turn them by 10 degrees.
+void require_rotation(const std::vector<Vec3d>& places,
+                      const std::vector<Vec3d>& errors,
+                      const std::string& where);
+
+/// The same for a fit. Warns if its residuals leave the scale unknown by more than 1 %.
+void check_fit(const Fit& fit,
+               const std::vector<Vec3d>& model,
+               const std::vector<Vec3d>& world,
+               const std::string& where);
 
 /// East, north and up, in metres, from a point on the ellipsoid of WGS84.
 class LocalFrame {

@@ -145,11 +145,14 @@ TEST(ControlPoints, ALineOrTwoPointsGiveNoFrame) {
     expect_error(ExitCode::input, "9 places on one line", [&] { place(line); });
     // Wide enough for exact coordinates, too narrow for coordinates that are off by a metre.
     const std::vector<Vec3d> band = {{0, 0, 0}, {10, 1, 0}, {20, 0, 0}, {30, 1, 0}};
-    require_rotation(band, 0.1, "x");
-    expect_error(ExitCode::input, "the places do not fit the photographs: residual 1 m",
-                 [&] { require_rotation(band, 1, "x"); });
+    const auto errors = [](Vec3d e) { return std::vector<Vec3d>{e, -e, e, -e}; };
+    require_rotation(band, errors({0, 0, 0.1}), "x");
+    require_rotation(band, errors({5, 5, 0}), "x");  // these do not turn the band
+    expect_error(ExitCode::input, "spread 11.2 m and 0.447 m, with residuals of 1 m out of", [&] {
+        require_rotation(band, errors({0, 0, 1}), "x");
+    });
     expect_error(ExitCode::input, "on one line", [&] {
-        require_rotation({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, 0, "x");
+        require_rotation({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, {}, "x");
     });
 }
 

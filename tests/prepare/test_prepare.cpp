@@ -334,15 +334,13 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
 
 /// A list with five control points that the photographs of made_model() show exactly. A unit of the
 /// model is two metres.
-/// `step`: of another size than 1, the points have the places of others.
-std::string control_list(const SparseModel& model, Vec3d away, int step = 1) {
+/// `wrong_m`: the heights are wrong by it, upwards and downwards in turn.
+std::string control_list(const SparseModel& model, Vec3d away, double wrong_m = 0) {
     const Intrinsics in = intrinsics_of(model.cameras[0]);
     std::string text = "WGS84 UTM 32N\n";
     for (int i = 0; i < 5; ++i) {
-        const auto point = [](int k) {
-            return Vec3d{std::cos(2.0 * k), std::sin(2.0 * k), 0.2 * k};
-        };
-        const Vec3d at = point(i), place = 2 * point(step * i % 5) + away;
+        const Vec3d at{std::cos(2.0 * i), std::sin(2.0 * i), 0.2 * i},
+            place = 2 * at + away + Vec3d{0, 0, i % 2 == 0 ? wrong_m : -wrong_m};
         for (const SparseImage& image : model.images) {
             const Vec2<double> px = project(in, image.camera_from_world(), at);
             text += fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {} p{}\n", place.x, place.y,
@@ -386,11 +384,12 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     const SparseModel model = made_model(kNames);
     store(0, model);
     const Vec3d away{691200, 5337600, 512};
-    write("gcp_list.txt", control_list(model, away, 2));
+    write("gcp_list.txt", control_list(model, away, 5));
     Result r = run("photos scene --gcp gcp_list.txt");
     EXPECT_EQ(r.code, 3) << r;
     for (const std::string& part :
-         {std::string("p1: east "), std::string("the places do not fit the photographs: residual "),
+         {std::string("p1: east "),
+          std::string("the places do not fit the photographs: they spread "),
           str("repeat tvsgs-prepare with --model ", (folder / "scene.cameras").string())})
         EXPECT_TRUE(r.says(part)) << part << r;
     EXPECT_FALSE(fs::exists(folder / "scene"));
