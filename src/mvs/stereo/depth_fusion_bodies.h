@@ -54,7 +54,8 @@ TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
     return check;
 }
 
-enum Uniqueness : std::uint8_t { kNoDepth, kUnique, kRepeated };
+enum Uniqueness : std::uint8_t { kNoDepth, kNotTested, kUnique, kRepeated };
+constexpr int kUniquenessStep = 2;  // px: pixels on a grid of this step are tested
 
 /// Keeps a depth if enough sources see the same surface, at a sufficient angle, with similar
 /// patches. confidence = share of agreeing sources, by weight, x clamp(1.2 - cost).
@@ -105,8 +106,9 @@ struct FilterBody {
         const float cost = cost_sum / static_cast<float>(agreeing);
         const float similarity = 1.2f - cost > 1 ? 1 : 1.2f - cost;
         if (!(similarity > 0)) return;
-        uniqueness[at] =
-            is_repeated(x, y, patch, plane, which, agreeing, cost) ? kRepeated : kUnique;
+        uniqueness[at] = x % kUniquenessStep != 0 || y % kUniquenessStep != 0     ? kNotTested
+                         : is_repeated(x, y, patch, plane, which, agreeing, cost) ? kRepeated
+                                                                                  : kUnique;
         kept_depths[at] = plane.depth;
         confidences[at] = weight_sum / static_cast<float>(pass.source_count()) * similarity;
     }
@@ -161,27 +163,31 @@ private:
     }
 };
 
-/// Drops all depths around a pixel if most of them have a repeated texture: the others match by
-/// chance.
+/// Drops a depth if most of the tested depths around it have a repeated texture: the others match
+/// by chance.
 struct DropRepeatedBody {
     int width, height;
     Span<const std::uint8_t> uniqueness;   // of this view
     Span<float> kept_depths, confidences;  // of this view
 
     TVSGS_HD void operator()(int i) const {
-        constexpr int kReach = 10, kStep = 2;  // px
+        constexpr int kReach = 10;  // px
         const std::size_t at = static_cast<std::size_t>(i);
         if (uniqueness[at] == kNoDepth) return;
         const int x = i % width, y = i / width;
         int found = 0, repeated = 0;
-        for (int py = y - kReach; py <= y + kReach; py += kStep)
-            for (int px = x - kReach; px <= x + kReach; px += kStep) {
-                if (px < 0 || px >= width || py < 0 || py >= height) continue;
+        for (int py = first_tested(y - kReach); py <= y + kReach && py < height;
+             py += kUniquenessStep)
+            for (int px = first_tested(x - kReach); px <= x + kReach && px < width;
+                 px += kUniquenessStep) {
                 const std::uint8_t kind = uniqueness[static_cast<std::size_t>(py) * width + px];
-                found += kind != kNoDepth;
+                found += kind >= kUnique;
                 repeated += kind == kRepeated;
             }
         if (2 * repeated > found) kept_depths[at] = confidences[at] = 0;
+    }
+    TVSGS_HD static int first_tested(int place) {
+        return place < 0 ? 0 : (place + kUniquenessStep - 1) / kUniquenessStep * kUniquenessStep;
     }
 };
 

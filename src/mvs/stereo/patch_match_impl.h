@@ -48,8 +48,9 @@ public:
                 for (int k = 0; k < 2; ++k) iterate(iteration++, false, true);
             }
         }
+        StereoResult result = fuse();
         progress_.reset();
-        return fuse();
+        return result;
     }
 
 private:
@@ -60,14 +61,14 @@ private:
     /// Iterations with images only. Finer levels start from the level before.
     int iterations_at(int level) const { return level == levels_ - 1 ? 4 : 2; }
 
-    /// Pixels times iterations, over all levels.
+    /// Pixels times iterations, over all levels. The filter takes about as long as two iterations.
     double all_work() const {
         double work = 0;
         for (int level = 0; level < levels_; ++level)
             for (int v = 0; v < view_count(); ++v) {
                 const Camera& c = level_of(v, level).camera;
                 work += double(c.width_px) * c.height_px *
-                        (iterations_at(level) + 2 * rounds_at(level));
+                        (iterations_at(level) + 2 * rounds_at(level) + (level == 0 ? 2 : 0));
             }
         return work;
     }
@@ -233,6 +234,8 @@ private:
                 Device{}, pixel_count(v),
                 DropRepeatedBody{pass.camera.width_px, pass.camera.height_px, uniqueness.span(),
                                  of_view(kept.span(), v), of_view(confidences.span(), v)});
+            synchronize(Device{});
+            progress_->advance(2.0 * pixel_count(v));
         }
         std::vector<float> depths = to_host(kept);
         std::vector<float> confidence = to_host(confidences);
@@ -295,7 +298,7 @@ private:
     std::vector<StereoPyramid> pyramids_;
     std::vector<ViewPlan> plans_;
     int levels_ = 0;
-    std::optional<Progress> progress_;  // while depths are searched
+    std::optional<Progress> progress_;  // of run()
 
     // Of all views at the present level, one after another; coarse: of the level before.
     Buffer<float, Device> images_, coarse_images_, costs_, coarse_costs_, depths_;
