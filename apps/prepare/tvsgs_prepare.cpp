@@ -110,7 +110,7 @@ Arguments parse(int argc, char** argv) {
            "--calibration and --lens exclude each other: the file names the lens");
     if (!a.model.empty())
         for (const char* flag : {"--cameras", "--lens", "--calibration", "--poses", "--matcher",
-                                 "--feature-size", "--frames"})
+                                 "--feature-size", "--frames", "--anew"})
             if (app.count(flag) > 0)
                 throw usage_error(flag, ": has no effect with --model; remove it");
     refuse(video && !a.model.empty(), "--model needs photographs, not a video");
@@ -224,6 +224,10 @@ void check_places(const Arguments& a, const fs::path& scene) {
 
 /// The model of --model. Throws Error(ExitCode::input) if it has other photographs.
 SparseModel model_of(const std::string& folder, const std::vector<Photograph>& photographs) {
+    if (!fs::exists(folder + "/cameras.bin"))
+        throw input_error(folder,
+                          ": no cameras.bin; expected a COLMAP model of .bin files, made from "
+                          "text by 'colmap model_converter --output_type BIN'");
     SparseModel model = read_sparse_model(folder);
     for (const SparseImage& image : model.images)
         if (std::ranges::find(photographs, image.name, &Photograph::name) == photographs.end())

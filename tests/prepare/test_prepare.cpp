@@ -407,6 +407,9 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     r = run("photos s2 --model scene.cameras");
     EXPECT_EQ(r.code, 3) << r;
     EXPECT_TRUE(r.says("has the photograph IMG_1.JPG, which is not in the folder")) << r;
+    r = run("photos s2 --model photos");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("photos: no cameras.bin; expected a COLMAP model")) << r;
     r = run("photos s2 --model scene.cameras --matcher sequential");
     EXPECT_EQ(r.code, 2) << r;
     EXPECT_TRUE(r.says("--matcher: has no effect with --model")) << r;
