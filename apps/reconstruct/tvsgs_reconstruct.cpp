@@ -155,6 +155,12 @@ void log_summary(const std::string& run, const std::string& scene, const std::st
                  count_of(report["splats"], "splat"), count_of(report["mesh"]["faces"], "face"),
                  sides(0), sides(1), sides(2),
                  report["mesh"]["unit"].text == "metres" ? "metres" : "units of the scene");
+    const JsonValue& placed = prepared["georeference"];
+    if (const double fitted = placed["rmse_m"].number_or(-1); fitted >= 0) {
+        const double checked = placed["checkpoint_rmse_m"].number_or(-1);
+        spdlog::info("Place: known points are off by {:.3g} m (RMS){}", fitted,
+                     checked < 0 ? "" : fmt::format(", checkpoints by {:.3g} m", checked));
+    }
     if (!verdict.level.empty()) spdlog::info("Quality: {}", verdict.level);
     for (const std::string& limit : verdict.limits) spdlog::info("Limit: {}", limit);
     if (!verdict.limits.empty())

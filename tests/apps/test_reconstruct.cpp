@@ -42,8 +42,10 @@ protected:
         fs::copy_file(TVSGS_BIN_DIR "/tvsgs-reconstruct", folder / "bin/tvsgs-reconstruct");
         for (const std::string name : {"train", "extract-mesh", "view"})
             program(name, "exec " TVSGS_BIN_DIR "/tvsgs-" + name + " \"$@\"");
-        program("prepare", "cp -r '" + (folder / "scene").string() +
-                               "' \"$2\" && echo '{\"photographs\": 9}' >\"$2/prepare.json\"");
+        program("prepare",
+                "cp -r '" + (folder / "scene").string() +
+                    "' \"$2\" && echo '{\"photographs\": 9, \"georeference\": "
+                    "{\"rmse_m\": 0.021, \"checkpoint_rmse_m\": 0.034}}' >\"$2/prepare.json\"");
         fs::copy(scene_, folder / "scene", fs::copy_options::recursive);
         for (const char* name : {"a.png", "b.png", "c.png"})
             write(std::string("photos/") + name, "not read by this command");
@@ -103,7 +105,9 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
         EXPECT_TRUE(fs::exists(folder / "my out" / file)) << file;
     for (const char* part :
          {"Cameras: done in 0:", "Reconstructed 6 photographs of 9: ", " splats, mesh of ", " x ",
-          " units of the scene\n", "Mesh: my out/run/mesh/mesh.glb\nPage: my out/view.html",
+          " units of the scene\n",
+          "Place: known points are off by 0.021 m (RMS), checkpoints by 0.034 m\n",
+          "Mesh: my out/run/mesh/mesh.glb\nPage: my out/view.html",
           "tvsgs-export 'my out/run' splats.spz"})
         EXPECT_TRUE(r.says(part)) << part << r;
 
