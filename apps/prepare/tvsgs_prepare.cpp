@@ -388,9 +388,14 @@ int command(int argc, char** argv) {
                                     made, model));
     } catch (const Error& error) {
         if (!a.model.empty()) throw;
-        throw Error(error.code(), error.what(),
-                    "\n  The cameras are kept. After a correction, repeat tvsgs-prepare with ",
-                    shell_line({"--model", keep_model(scene, model)}));
+        throw Error(
+            error.code(), error.what(),
+            "\n  The cameras are kept. After a correction add the corrected ",
+            control ? "--gcp"
+            : a.gps ? "--gps"
+                    : "--marker-size",
+            " to: ",
+            shell_line({"tvsgs-prepare", a.photos, a.scene, "--model", keep_model(scene, model)}));
     }
     for (const std::string& name : names)
         if (!in_place && !std::ranges::binary_search(model.images, name, {}, &SparseImage::name))

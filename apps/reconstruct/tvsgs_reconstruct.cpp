@@ -180,6 +180,7 @@ private:
     Words words(const StageKind& kind) const;
     std::string recorded_command(const StageKind& kind) const;
     bool is_done(const StageKind& kind) const;
+    bool is_of_these_photographs(const std::string& recorded) const;
     void remove_results();
     void check_commands() const;
     void run_stage(const StageKind& kind, StageRunner& runner);
@@ -272,6 +273,15 @@ std::string Reconstruction::recorded_command(const StageKind& kind) const {
                                                   : line;
 }
 
+/// Whether a recorded search for cameras had the same photographs, with any flags.
+bool Reconstruction::is_of_these_photographs(const std::string& recorded) const {
+    const auto count = [](const std::string& text) {
+        return text.substr(std::min(text.size(), text.rfind("  # ")));
+    };
+    return recorded.starts_with(shell_line({kPrepare.program, input_, scene_})) &&
+           count(recorded) == count(recorded_command(kPrepare));
+}
+
 /// All but the page may also have been made by hand.
 bool Reconstruction::is_done(const StageKind& kind) const {
     if (&kind == &kPrepare) return fs::exists(scene_ + "/prepare.json") && layout_of(scene_);
@@ -288,6 +298,8 @@ void Reconstruction::check_commands() const {
         if (stage == &kTrain && stages_.front() == &kPrepare && !is_done(kPrepare))
             throw usage_error(a_.out, ": has a run, but its scene/ is missing or damaged; put it ",
                               "back, or start anew with --overwrite");
+        if (stage == &kPrepare && !was->done && is_of_these_photographs(was->command))
+            continue;  // made by hand after a failure, perhaps with other flags
         if (const std::string now = recorded_command(*stage); now != was->command)
             throw usage_error(a_.out, ": was made by another command:\n  before: ", was->command,
                               "\n  now:    ", now,
@@ -299,7 +311,7 @@ void Reconstruction::check_commands() const {
 void Reconstruction::remove_results() {
     const Record::Stage* const prepared = record_->find(kPrepare.name);
     if (stages_.front() == &kPrepare && fs::exists(scene_) && !has_manifest(scene_) &&
-        (prepared == nullptr || prepared->command != recorded_command(kPrepare)))
+        (prepared == nullptr || !is_of_these_photographs(prepared->command)))
         throw usage_error(scene_, ": was made by hand from other photographs; move it away");
     for (const std::string& folder : {run_, scene_}) {
         if (!has_manifest(folder) || lies_in(input_, folder)) continue;
