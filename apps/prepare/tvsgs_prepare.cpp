@@ -389,12 +389,11 @@ int command(int argc, char** argv) {
     } catch (const Error& error) {
         if (!a.model.empty()) throw;
         throw Error(
-            error.code(), error.what(),
-            "\n  The cameras are kept. After a correction add the corrected ",
+            error.code(), error.what(), "\n  The cameras are kept. After a correction, with ",
             control ? "--gcp"
             : a.gps ? "--gps"
                     : "--marker-size",
-            " to: ",
+            " as before: ",
             shell_line({"tvsgs-prepare", a.photos, a.scene, "--model", keep_model(scene, model)}));
     }
     for (const std::string& name : names)

@@ -390,7 +390,7 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     for (const std::string& part :
          {std::string("p1: east "),
           std::string("the places do not fit the photographs: they spread "),
-          str("add the corrected --gcp to: tvsgs-prepare photos scene --model ",
+          str("After a correction, with --gcp as before: tvsgs-prepare photos scene --model ",
               (folder / "scene.cameras").string())})
         EXPECT_TRUE(r.says(part)) << part << r;
     EXPECT_FALSE(fs::exists(folder / "scene"));
