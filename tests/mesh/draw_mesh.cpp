@@ -90,7 +90,8 @@ void draw(int argc, char** argv) {
     SceneOptions options;
     options.path = argv[3];
     options.need_points = false;
-    if (!std::filesystem::is_directory(options.path + "/images")) options.images = "image";
+    if (!std::filesystem::is_directory(options.path + "/images"))
+        options.images = "image";  // of DTU
     const Scene scene = read_scene(options);
     std::vector<Camera> cameras;
     const View* view = nullptr;

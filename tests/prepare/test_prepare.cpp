@@ -333,14 +333,13 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
 }
 
 /// A list with five control points that the photographs of made_model() show exactly. A unit of the
-/// model is two metres.
-/// `wrong_m`: the heights are wrong by it, upwards and downwards in turn.
-std::string control_list(const SparseModel& model, Vec3d away, double wrong_m = 0) {
+/// model is two metres. `wrong`: added to every second place, subtracted from the others, metres.
+std::string control_list(const SparseModel& model, Vec3d away, Vec3d wrong = {}) {
     const Intrinsics in = intrinsics_of(model.cameras[0]);
     std::string text = "WGS84 UTM 32N\n";
     for (int i = 0; i < 5; ++i) {
         const Vec3d at{std::cos(2.0 * i), std::sin(2.0 * i), 0.2 * i},
-            place = 2 * at + away + Vec3d{0, 0, i % 2 == 0 ? wrong_m : -wrong_m};
+            place = 2 * at + away + (i % 2 == 0 ? wrong : -wrong);
         for (const SparseImage& image : model.images) {
             const Vec2<double> px = project(in, image.camera_from_world(), at);
             text += fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {} p{}\n", place.x, place.y,
@@ -361,6 +360,7 @@ TEST_F(Prepare, ControlPointsPutTheSceneInPlace) {
     EXPECT_TRUE(r.says("p3: east 0.000, north 0.000, up 0.000 m; 5 marks, 0.0 px (checkpoint)"))
         << r;
     EXPECT_TRUE(r.says("Control points: 4 fitted, residual 0.000 m (RMS)")) << r;
+    EXPECT_FALSE(r.says("scale unknown")) << r;
     EXPECT_EQ(report()["georeference"]["points"].items.size(), 5u);
     const auto place = read_georeference((folder / "scene").string());
     ASSERT_TRUE(place);
@@ -384,7 +384,7 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     const SparseModel model = made_model(kNames);
     store(0, model);
     const Vec3d away{691200, 5337600, 512};
-    write("gcp_list.txt", control_list(model, away, 5));
+    write("gcp_list.txt", control_list(model, away, {0, 0, 5}));
     Result r = run("photos scene --gcp gcp_list.txt");
     EXPECT_EQ(r.code, 3) << r;
     for (const std::string& part :
@@ -403,6 +403,12 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     EXPECT_EQ(text("calls.txt"), "");
     EXPECT_EQ(read_sparse_model((folder / "scene/sparse/0").string()).points.size(),
               model.points.size());
+
+    // Errors along the ground leave the plane of the points known, the scale less.
+    write("gcp_list.txt", control_list(model, away, {0.2, 0.2, 0}));
+    r = run("photos rough --gcp gcp_list.txt --model scene.cameras");
+    EXPECT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("gcp_list.txt: the residuals leave the scale unknown by about ")) << r;
 
     fs::remove(folder / "photos/IMG_1.JPG");
     r = run("photos s2 --model scene.cameras");
