@@ -63,20 +63,6 @@ std::vector<Value> taken(const std::vector<Value>& values, const std::vector<boo
     return out;
 }
 
-/// Second moments about the mean.
-Sym3<double> moments_of(const std::vector<Vec3d>& places) {
-    const double n = static_cast<double>(places.size());
-    Vec3d mean;
-    for (const Vec3d p : places) mean += p / n;
-    Sym3<double> moments;
-    for (const Vec3d p : places) {
-        const Vec3d d = p - mean;
-        moments.xx += d.x * d.x / n, moments.xy += d.x * d.y / n, moments.xz += d.x * d.z / n;
-        moments.yy += d.y * d.y / n, moments.yz += d.y * d.z / n, moments.zz += d.z * d.z / n;
-    }
-    return moments;
-}
-
 // WGS84: half axis in metres, flattening.
 constexpr double kAxis = 6378137, kFlattening = 1 / 298.257223563;
 constexpr double kRadians = std::numbers::pi / 180;
@@ -97,7 +83,7 @@ void require_rotation(const std::vector<Vec3d>& places,
                       const std::vector<Vec3d>& errors,
                       const std::string& where) {
     const double n = static_cast<double>(places.size());
-    const SymEigen3<double> spread = sym_eigen(moments_of(places));
+    const SymEigen3<double> spread = sym_eigen(second_moments(places));
     const double along = std::sqrt(std::max(spread.values.x, 0.0)),
                  across = std::sqrt(std::max(spread.values.y, 0.0));
     constexpr double kAcross = 0.02, kTurn = 0.17;
@@ -126,7 +112,7 @@ void check_fit(const Fit& fit,
             errors.push_back(places.back() - world[i]);
         }
     require_rotation(places, errors, where);
-    const Sym3<double> spread = moments_of(places);
+    const Sym3<double> spread = second_moments(places);
     const double unknown = fit.rmse / std::sqrt((spread.xx + spread.yy + spread.zz) *
                                                 static_cast<double>(places.size()));
     if (unknown > 0.01)
@@ -179,6 +165,8 @@ LocalFrame::LocalFrame(const std::vector<GeodeticPlace>& places) {
     const auto median = [&](double GeodeticPlace::*part, double unit) {
         std::vector<double> values;
         for (const GeodeticPlace& place : places) values.push_back(place.*part);
+        if (part == &GeodeticPlace::longitude_deg)  // on both sides of the date line
+            for (double& value : values) value = values[0] + std::remainder(value - values[0], 360);
         return unit * std::nearbyint(quantile(values, 0.5) / unit);
     };
     origin_ = {median(&GeodeticPlace::latitude_deg, 1e-7),

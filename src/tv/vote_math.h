@@ -257,12 +257,6 @@ struct VoteSums {
 };
 
 template <class Real>
-TVSGS_HD void add_outer(Sym3<Real>& T, Real w, Vec3<Real> v) {
-    const Vec3<Real> wv = w * v;
-    T.xx += wv.x * v.x, T.xy += wv.x * v.y, T.xz += wv.x * v.z;
-    T.yy += wv.y * v.y, T.yz += wv.y * v.z, T.zz += wv.z * v.z;
-}
-template <class Real>
 TVSGS_HD void add_vote(VoteSums<Real>& sums, Real strength, const Vote<Real>& vote) {
     const Real w = strength * vote.decay;
     add_outer(sums.tensor, w * vote.inverse_length2, vote.v);

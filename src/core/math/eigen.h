@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <span>
 
 #include "core/math/fast_math.h"
 #include "core/math/vec.h"
@@ -103,6 +104,16 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& A) {
 template <class Math = ExactMath, class Real>
 TVSGS_HD Vec3<Real> sym_eigenvalues(const Sym3<Real>& A) {
     return detail::sym_eigen<Math, Real, false>(A).values;
+}
+
+/// Mean of (p - mean) (p - mean)^T over the places.
+inline Sym3<double> second_moments(std::span<const Vec3d> places) {
+    const double share = 1 / static_cast<double>(places.size());
+    Vec3d mean;
+    for (const Vec3d p : places) mean += share * p;
+    Sym3<double> moments;
+    for (const Vec3d p : places) add_outer(moments, share, p - mean);
+    return moments;
 }
 
 }  // namespace tvsgs

@@ -107,6 +107,14 @@ struct Sym3 {
     }
 };
 
+/// A += w v v^T.
+template <class Real>
+TVSGS_HD constexpr void add_outer(Sym3<Real>& A, Real w, Vec3<Real> v) {
+    const Vec3<Real> wv = w * v;
+    A.xx += wv.x * v.x, A.xy += wv.x * v.y, A.xz += wv.x * v.z;
+    A.yy += wv.y * v.y, A.yz += wv.y * v.z, A.zz += wv.z * v.z;
+}
+
 /// Symmetric 2x2, upper triangle.
 template <class Real>
 struct Sym2 {

@@ -24,10 +24,8 @@ struct Quadric {
     /// Adds the plane through `point` with the unit `normal`; distances are measured in `unit`s.
     void add_plane(Vec3d normal, Vec3d point, double plane_weight, double unit) {
         const double s = plane_weight / (unit * unit), d = -dot(normal, point);
-        const Vec3d sn = s * normal;
-        A.xx += sn.x * normal.x, A.xy += sn.x * normal.y, A.xz += sn.x * normal.z;
-        A.yy += sn.y * normal.y, A.yz += sn.y * normal.z, A.zz += sn.z * normal.z;
-        b += d * sn;
+        add_outer(A, s, normal);
+        b += d * s * normal;
         c += s * d * d;
         weight += plane_weight;
     }

@@ -91,12 +91,7 @@ template <class Real>
 TVSGS_HD EllipsoidImage<Real> ellipsoid_image(
     const Camera& camera, const Mat3<Real>& axes, Vec3<Real> scales, Vec3<Real> mean, Real reach2) {
     Sym3<Real> N{};  // reach2 Sigma
-    for (int k = 0; k < 3; ++k) {
-        const Vec3<Real> a = column(axes, k);
-        const Real w = reach2 * scales[k] * scales[k];
-        N.xx += w * a.x * a.x, N.xy += w * a.x * a.y, N.xz += w * a.x * a.z;
-        N.yy += w * a.y * a.y, N.yz += w * a.y * a.z, N.zz += w * a.z * a.z;
-    }
+    for (int k = 0; k < 3; ++k) add_outer(N, reach2 * scales[k] * scales[k], column(axes, k));
     const Real D = mean.z * mean.z - N.zz;
     EllipsoidImage<Real> image{};
     image.half_depth = std::sqrt(N.zz);

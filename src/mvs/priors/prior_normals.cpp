@@ -20,16 +20,9 @@ std::vector<Vec3f> cloud_normals(const std::vector<Vec3f>& points) {
         float squared[kNeighbours];
         const auto at = static_cast<std::size_t>(i);
         const std::size_t count = tree.nearest(points[at], kNeighbours, index, squared);
-        Vec3d mean{};
-        for (std::size_t k = 0; k < count; ++k)
-            mean += vec_cast<double>(points[index[k]]) / static_cast<double>(count);
-        Sym3<double> spread{};
-        for (std::size_t k = 0; k < count; ++k) {
-            const Vec3d d = vec_cast<double>(points[index[k]]) - mean;
-            spread.xx += d.x * d.x, spread.xy += d.x * d.y, spread.xz += d.x * d.z;
-            spread.yy += d.y * d.y, spread.yz += d.y * d.z, spread.zz += d.z * d.z;
-        }
-        const SymEigen3<double> eigen = sym_eigen(spread);
+        Vec3d near[kNeighbours];
+        for (std::size_t k = 0; k < count; ++k) near[k] = vec_cast<double>(points[index[k]]);
+        const SymEigen3<double> eigen = sym_eigen(second_moments({near, count}));
         if (eigen.values.y > 0 && eigen.values.z < kFlat * eigen.values.y)
             normals[at] = vec_cast<float>(column(eigen.vectors, 2));
     });

@@ -55,7 +55,7 @@ TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
 }
 
 enum Uniqueness : std::uint8_t { kNoDepth, kNotTested, kUnique, kRepeated };
-constexpr int kUniquenessStep = 2;  // px: pixels on a grid of this step are tested
+inline constexpr int kUniquenessStep = 2;  // px: pixels on a grid of this step are tested
 
 /// Keeps a depth if enough sources see the same surface, at a sufficient angle, with similar
 /// patches. confidence = share of agreeing sources, by weight, x clamp(1.2 - cost).

@@ -62,16 +62,9 @@ Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree<float>& tre
     float squared[kPoints];
     const std::size_t found =
         tree.nearest(points[i], std::min(kPoints, points.size()), index, squared);
-    Vec3<double> mean;
-    for (std::size_t j = 0; j < found; ++j) mean += vec_cast<double>(points[index[j]]);
-    mean = mean / double(found);
-    Sym3<double> scatter;
-    for (std::size_t j = 0; j < found; ++j) {
-        const Vec3<double> d = vec_cast<double>(points[index[j]]) - mean;
-        scatter.xx += d.x * d.x, scatter.xy += d.x * d.y, scatter.xz += d.x * d.z;
-        scatter.yy += d.y * d.y, scatter.yz += d.y * d.z, scatter.zz += d.z * d.z;
-    }
-    return vec_cast<float>(column(sym_eigen(scatter).vectors, 2));
+    Vec3d near[kPoints];
+    for (std::size_t j = 0; j < found; ++j) near[j] = vec_cast<double>(points[index[j]]);
+    return vec_cast<float>(column(sym_eigen(second_moments({near, found})).vectors, 2));
 }
 
 }  // namespace

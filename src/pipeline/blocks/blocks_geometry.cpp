@@ -90,15 +90,7 @@ GroundFrame ground_frame(Vec3d up) {
 }
 
 Vec3d up_of(const std::vector<Vec3d>& centres) {
-    Vec3d mean;
-    for (const Vec3d& p : centres) mean += p / double(centres.size());
-    Sym3<double> scatter;
-    for (const Vec3d& p : centres) {
-        const Vec3d d = p - mean;
-        scatter.xx += d.x * d.x, scatter.xy += d.x * d.y, scatter.xz += d.x * d.z;
-        scatter.yy += d.y * d.y, scatter.yz += d.y * d.z, scatter.zz += d.z * d.z;
-    }
-    const auto found = sym_eigen(scatter);
+    const auto found = sym_eigen(second_moments(centres));
     if (centres.size() < 3 || !(found.values[1] > 1e-6 * found.values[0]))
         throw input_error("the ", centres.size(),
                           " cameras are in a line or at one place, so the up "
