@@ -335,7 +335,7 @@ int command(int argc, char** argv) {
         for (const std::vector<View>* views : {&scene->train, &scene->test})
             for (const View& view : *views) cameras.push_back(view.camera);
         if (!a.keep_axes && in.projection.empty())
-            how.upright_from_scene = upright_from_scene(detail::cameras_of(scene->train));
+            how.upright_from_scene = upright_from_scene(upright_cameras(scene->train));
     }
 
     // 2. Select splats.

@@ -170,7 +170,7 @@ int command(int argc, char** argv) {
         write_png(picture,
                   preview_mesh(mesh,
                                preview_camera(options.mesh.meshes_background() ? none : mesh,
-                                              detail::cameras_of(scene.train), 960, 720),
+                                              upright_cameras(scene.train), 960, 720),
                                texture));
         spdlog::info("Wrote {} (preview)", picture);
     }

@@ -9,6 +9,7 @@
 #include "core/grouped.h"
 #include "core/version.h"
 #include "io/images/image_file.h"
+#include "mesh/draw/mesh_render.h"
 #include "mesh/fuse/focus.h"
 #include "render/backbone.h"
 #include "render/depth/map_images.h"
@@ -84,13 +85,8 @@ JsonValue list_of(Vec3d v) {
 /// Centre of rotation and reference sizes of the scene.
 JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<ViewRun>& runs) {
     std::vector<Camera> all;
-    Vec3d up{};
-    for (const ViewCamera& c : cameras) {
-        all.push_back(c.camera);
-        const Mat3f& R = c.camera.camera_from_world.R;
-        up = up - Vec3d{R[1][0], R[1][1], R[1][2]};
-    }
-    if (!(norm(up) > 1e-6)) up = {0, -1, 0};
+    for (const ViewCamera& c : cameras) all.push_back(c.camera);
+    const Mat3<double> upright = upright_from_scene(all);
     Focus focus{vec_cast<double>(camera_centre(all.front())), 1};
     if (const auto found = find_focus(all)) {
         focus = *found;
@@ -104,8 +100,10 @@ JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<V
         if (z > 0) focus = focus_at_depth(all, z);
     }
     if (!(focus.radius > 1e-6 * norm(focus.point)) || !(focus.radius > 0)) focus.radius = 1;
-    const Vec3d p = focus.point, u = up / norm(up);
-    return JsonValue().add("middle", list_of(p)).add("radius", focus.radius).add("up", list_of(u));
+    return JsonValue()
+        .add("middle", list_of(focus.point))
+        .add("radius", focus.radius)
+        .add("up", list_of({upright[1][0], upright[1][1], upright[1][2]}));
 }
 
 JsonValue camera_json(const ViewCamera& c, bool has_photo) {

@@ -31,8 +31,9 @@ struct ViewRun {
 struct ViewCamera {
     std::string name;
     bool test = false;
-    Camera camera;
-    ImageU8 photo;  // may be empty
+    Camera camera{};        // of the photograph turned upright
+    ImageU8 photo{};        // turned upright; may be empty
+    int upright_turns = 0;  // that were made; see View
 };
 
 struct ViewPageOptions {

@@ -5,6 +5,7 @@
 #include "core/math/quantile.h"
 #include "core/scene/scene.h"
 #include "io/files/read_file.h"
+#include "io/images/image_file.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/georeference.h"
 #include "io/splats/splat_files.h"
@@ -46,7 +47,7 @@ ViewCamera file_camera(const JsonValue& json, const std::string& path, Vec3d& ce
         require(is_finite(v));
         return v;
     };
-    ViewCamera out{json["img_name"].text, false, {}, {}};
+    ViewCamera out{.name = json["img_name"].text};
     centre = vector(json["position"]);
     Camera& c = out.camera;
     const auto size = [&](const char* key) {
@@ -72,6 +73,11 @@ ViewCamera file_camera(const JsonValue& json, const std::string& path, Vec3d& ce
         const Vec3d row = vector(rows[r]);
         for (int k = 0; k < 3; ++k) c.camera_from_world.R[k][r] = static_cast<float>(row[k]);
     }
+    const double turns = json["upright_turns"].number_or(0);
+    if (!(turns == 0 || turns == 1 || turns == 2 || turns == 3))
+        throw input_error(path, ": a camera's upright_turns is ", turns, "; expected 0 to 3");
+    out.upright_turns = static_cast<int>(turns);
+    c = turned_camera(c, out.upright_turns);
     return out;
 }
 
@@ -101,7 +107,9 @@ void add_photographs(std::vector<ViewCamera>& cameras, AnyScene& scene, std::siz
             for (std::size_t i = 0; i < n; ++i) {
                 if (cameras[i].name != view.name) continue;
                 cameras[i].test = views == &scene.test;
-                if (chosen[i]) cameras[i].photo = std::move(view.photo);
+                if (chosen[i])
+                    cameras[i].photo =
+                        turned_clockwise(std::move(view.photo), cameras[i].upright_turns);
             }
 }
 

@@ -93,19 +93,17 @@ void draw(int argc, char** argv) {
     if (!std::filesystem::is_directory(options.path + "/images"))
         options.images = "image";  // of DTU
     const Scene scene = read_scene(options);
-    std::vector<Camera> cameras;
     const View* view = nullptr;
-    for (const View& each : scene.train) {
-        cameras.push_back(each.camera);
+    for (const View& each : scene.train)
         if (each.name == argv[4]) view = &each;
-    }
     if (view == nullptr) throw Error(ExitCode::input, argv[4], ": not in ", argv[3]);
-    const Mat3<double> upright = upright_from_scene(cameras);
+    const Mat3<double> upright = upright_from_scene(upright_cameras(scene.train));
     const Vec3d up{upright[1][0], upright[1][1], upright[1][2]};
+    const Camera whole = turned_camera(view->camera, view->upright_turns);
+    const ImageU8 photo = turned_clockwise(view->photo, view->upright_turns);
     const int width = std::stoi(argv[2]),
-              height = (width * view->camera.height_px + view->camera.width_px / 2) /
-                       view->camera.width_px;
-    const Camera camera = scaled_camera(view->camera, width, height);
+              height = (width * whole.height_px + whole.width_px / 2) / whole.width_px;
+    const Camera camera = scaled_camera(whole, width, height);
     std::vector<ImageU8> panels;
     TexturedMesh found;
     for (int k = 5; k < argc; ++k) {
@@ -118,7 +116,7 @@ void draw(int argc, char** argv) {
         const std::string kind = panel.substr(0, colon);
         const double degrees = colon == std::string::npos ? 0 : std::stod(panel.substr(colon + 1));
         if (kind == "photo")
-            panels.push_back(resize_bicubic(view->photo, width, height));
+            panels.push_back(resize_bicubic(photo, width, height));
         else if (kind == "texture" || kind == "plain")
             panels.push_back(preview_mesh(found.mesh, turned(camera, found.mesh, degrees, up),
                                           kind == "plain" ? MeshTexture{} : found.texture));

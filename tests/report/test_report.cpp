@@ -14,6 +14,7 @@
 #include "report/page_data.h"
 #include "report/plot.h"
 #include "report/report.h"
+#include "report/view_page.h"
 #include "support/browser.h"
 #include "support/count_of.h"
 
@@ -304,6 +305,29 @@ TEST_F(Report, TablesOfTheSameRunTwice) {
     const std::string table = contents(folder_ / "twice.md");
     EXPECT_NE(table.find("| on, scene.resolution=2 |"), std::string::npos) << table;
     EXPECT_NE(table.find("| on, scene.resolution=-1 |"), std::string::npos) << table;
+}
+
+TEST_F(Report, PhotographsOnTheirSideAreShownUpright) {
+    ViewInput input;
+    input.runs = {(folder_ / "sideways").string()}, input.scene = (folder_ / "scene").string();
+    fs::copy(folder_ / "run", folder_ / "sideways", fs::copy_options::recursive);
+    const ViewSubject stored = read_view_subject(input);
+    ASSERT_EQ(stored.cameras.front().photo.width, 64);
+    std::string cameras = contents(folder_ / "sideways/cameras.json");
+    const std::string key = "\"upright_turns\": ";
+    const std::size_t at = cameras.find(key);
+    ASSERT_NE(at, std::string::npos) << cameras;
+    ASSERT_EQ(cameras[at + key.size()], '0');
+    cameras[at + key.size()] = '1';
+    std::ofstream(folder_ / "sideways/cameras.json") << cameras;
+    const ViewCamera turned = read_view_subject(input).cameras.front();
+    EXPECT_EQ(turned.camera.width_px, 48);
+    EXPECT_EQ(turned.photo.height, 64);
+    for (int c = 0; c < 3; ++c)
+        EXPECT_EQ(turned.photo.at(47, 0, c), stored.cameras.front().photo.at(0, 0, c));
+    cameras[at + key.size()] = '7';
+    std::ofstream(folder_ / "sideways/cameras.json") << cameras;
+    EXPECT_THROW(read_view_subject(input), Error);
 }
 
 TEST_F(Report, SaysWhatItLacks) {

@@ -65,4 +65,18 @@ inline Camera scaled_camera(Camera camera, int width_px, int height_px) {
     return camera;
 }
 
+/// The camera of the same photograph, turned clockwise by `quarters` quarter turns (0 to 3).
+inline Camera turned_camera(Camera c, int quarters) {
+    const Rigid3f quarter{{{{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}}, {}};
+    for (; quarters > 0; --quarters)
+        c = {c.height_px,
+             c.width_px,
+             c.fy_px,
+             c.fx_px,
+             static_cast<float>(c.height_px) - c.cy_px,
+             c.cx_px,
+             quarter * c.camera_from_world};
+    return c;
+}
+
 }  // namespace tvsgs

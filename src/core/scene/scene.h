@@ -37,8 +37,17 @@ struct View {
     /// RMS shift in pixels of the view's points if this view alone moved to its best pose; NaN:
     /// unknown.
     double pose_error_px = std::numeric_limits<double>::quiet_NaN();
-    double reduction = 1;  // width of the photograph's file / width of `photo`
+    double reduction = 1;   // width of the photograph's file / width of `photo`
+    int upright_turns = 0;  // clockwise quarter turns of `photo` that show it upright (EXIF)
 };
+
+/// The views' cameras, as if each photograph were turned upright.
+inline std::vector<Camera> upright_cameras(const std::vector<View>& views) {
+    std::vector<Camera> cameras;
+    for (const View& view : views)
+        cameras.push_back(turned_camera(view.camera, view.upright_turns));
+    return cameras;
+}
 
 /// Points with optional attributes: an array is empty or has an entry per point.
 struct PointCloud {

@@ -136,4 +136,10 @@ ImageU8 turned(const ImageU8& image, int orientation) {
     return out;
 }
 
+ImageU8 turned_clockwise(ImageU8 image, int quarters) {
+    constexpr int kQuarter = 6;  // EXIF orientation
+    for (; quarters > 0; --quarters) image = turned(image, kQuarter);
+    return image;
+}
+
 }  // namespace tvsgs

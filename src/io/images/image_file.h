@@ -81,7 +81,16 @@ inline bool swaps_sides(int orientation) {
     return orientation >= 5;
 }
 
+/// Clockwise quarter turns (0 to 3) that show a stored image upright; mirrored ones stay mirrored.
+inline int upright_turns(int orientation) {
+    constexpr int kTurns[] = {0, 0, 2, 2, 1, 1, 3, 3};
+    return kTurns[orientation - 1];
+}
+
 /// The image as viewers show it, for orientations that swap width and height (5 to 8).
 ImageU8 turned(const ImageU8& image, int orientation);
+
+/// Turns by 0 or more quarter turns.
+ImageU8 turned_clockwise(ImageU8 image, int quarters);
 
 }  // namespace tvsgs

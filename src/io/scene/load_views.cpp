@@ -22,13 +22,18 @@ bool same_shape(int w, int h, int camera_w, int camera_h) {
            std::abs(static_cast<double>(h) * camera_w / camera_h - w) <= 1;
 }
 
-/// Reads the pixels. Turns them by EXIF if only then they fit the camera; otherwise ignores EXIF,
-/// like COLMAP.
-ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was_turned) {
+/// EXIF orientation of a view's photograph.
+struct PhotoTurn {
+    bool by_reader = false;  // the pixels were turned by it
+    int upright_turns = 0;   // see View
+};
+
+/// Reads the pixels. Turns them by EXIF if only then they fit the camera; otherwise leaves them as
+/// stored, like COLMAP.
+ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, PhotoTurn& turn) {
     const auto fits = [&](int width, int height) {
         return same_shape(width, height, camera.width_px, camera.height_px);
     };
-    was_turned = false;
     const ImageSize found = read_image_size(file);
     const bool as_stored = fits(found.width, found.height),
                sideways = !as_stored && fits(found.height, found.width);
@@ -41,14 +46,17 @@ ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was
         throw wrong(
             "; give the folder of the images that the cameras were computed from (--images)");
     const std::string bytes = read_bytes(file);
-    if (as_stored) return decode_image(file, bytes);
     const int orientation = read_exif(bytes).orientation;
+    if (as_stored) {
+        turn.upright_turns = upright_turns(orientation);
+        return decode_image(file, bytes);
+    }
     if (!swaps_sides(orientation))
         throw wrong(
             " (turned by 90 degrees, and the file has lost its EXIF orientation); rotate the "
             "image, or give the folder of the images that the cameras were computed from "
             "(--images)");
-    was_turned = true;
+    turn.by_reader = true;
     return turned(decode_image(file, bytes), orientation);
 }
 
@@ -99,15 +107,28 @@ bool is_whole(const ImageU8& mask) {
     return std::ranges::all_of(mask.pixels, [](auto a) { return a == 255; });
 }
 
+/// Reads a photograph [H, W, 3] before the removal of lens distortion. `alpha` becomes the alpha
+/// channel [H, W, 1], or empty.
+ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, PhotoTurn& turn) {
+    ImageU8 photo;
+    alpha = {};
+    split_alpha(read_pixels(source.file, source.intrinsics, turn), photo, alpha);
+    if (source.alpha_on_black)
+        for (std::size_t i = 0; i < photo.pixels.size() && !alpha.empty(); ++i)
+            photo.pixels[i] =
+                static_cast<std::uint8_t>(photo.pixels[i] * alpha.pixels[i / 3] / 255);
+    return photo;
+}
+
 View load_view(const ViewSource& source,
                const SceneOptions& options,
                Vec3d origin,
                std::atomic<int>& turns) {
     // 1. Pixels and masks.
     ImageU8 mask;
-    bool was_turned = false;
-    ImageU8 photo = read_photo(source, mask, was_turned);
-    turns += was_turned;
+    PhotoTurn turn;
+    ImageU8 photo = read_photo(source, mask, turn);
+    turns += turn.by_reader;
     if (is_whole(mask)) mask = {};
     const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
 
@@ -128,6 +149,7 @@ View load_view(const ViewSource& source,
     // 3. Resizing to the training size.
     View view;
     view.name = source.image->name;
+    view.upright_turns = turn.upright_turns;
     view.photo = resize_bicubic(photo, size.width_px, size.height_px);
     view.reduction = static_cast<double>(photo.width) / size.width_px;
     if (options.grey_scale < 1)
@@ -166,17 +188,6 @@ View load_view(const ViewSource& source,
 }
 
 }  // namespace
-
-ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned) {
-    ImageU8 photo;
-    alpha = {};
-    split_alpha(read_pixels(source.file, source.intrinsics, was_turned), photo, alpha);
-    if (source.alpha_on_black)
-        for (std::size_t i = 0; i < photo.pixels.size() && !alpha.empty(); ++i)
-            photo.pixels[i] =
-                static_cast<std::uint8_t>(photo.pixels[i] * alpha.pixels[i / 3] / 255);
-    return photo;
-}
 
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,

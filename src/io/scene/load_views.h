@@ -21,14 +21,9 @@ struct ViewSource {
     bool alpha_on_black = false;
 };
 
-/// Reads a photograph [H, W, 3] before the removal of lens distortion. Turns it by its EXIF
-/// orientation if only then its shape fits the camera. `alpha` becomes the alpha channel [H, W, 1],
-/// or empty. Throws Error(ExitCode::input) if the image is unreadable or has another shape than its
-/// camera.
-ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned);
-
-/// Loads the views in order; positions are relative to `origin`. Moves each photograph and mask to
-/// `file`, if given, right after decoding. Throws Error(ExitCode::input) if an image or mask is
+/// Loads the views in order; positions are relative to `origin`. Turns a photograph by its EXIF
+/// orientation if only then its shape fits the camera. Moves each photograph and mask to `file`, if
+/// given, right after decoding. Throws Error(ExitCode::input) if an image or mask is
 /// unreadable or has another shape than its camera.
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,

@@ -58,7 +58,8 @@ ImageU8 to_8bit(const ImageF& image);
 
 /// Rotation of a scene (in any frame) that makes it stand upright in viewers: +y is up, and the
 /// middle one of `cameras` looks from +z. Up is perpendicular to the cameras' pixel rows, because
-/// people hold cameras level, on the side of the mean upward axis. [docs/method/texture.md#upright]
+/// people hold cameras level, on the side of the mean upward axis; cameras that look along it look
+/// down. `cameras`: of upright photographs. [docs/method/texture.md#upright]
 Mat3<double> upright_from_scene(const std::vector<Camera>& cameras);
 
 }  // namespace tvsgs

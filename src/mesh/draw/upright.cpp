@@ -6,27 +6,25 @@ namespace tvsgs {
 Mat3<double> upright_from_scene(const std::vector<Camera>& cameras) {
     // Greater than the effect of a camera roll of 3 degrees on the rows.
     constexpr double kTrustInMean = 0.003;
+    constexpr double kSteep = 0.3;  // weight for the sign: decides beyond 73 degrees
     if (cameras.empty()) return {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     const auto axis_of = [](const Camera& camera, int row) {
         const float* const r = camera.camera_from_world.R[row];
         return Vec3d{r[0], r[1], r[2]};
     };
-    // 1. Up minimises the component along the pixel rows and maximises the one along the mean
-    // upward axis.
+    // 1. Up minimises the component along the pixel rows. It maximises the one along the mean
+    // upward axis and, as far as these axes cancel, against the mean viewing direction.
     const double share = 1 / static_cast<double>(cameras.size());
-    Vec3d mean_up;
-    for (const Camera& camera : cameras) mean_up -= share * axis_of(camera, 1);
     Sym3<double> spread;
-    const auto add = [&](double weight, Vec3d v) {
-        spread.xx += weight * v.x * v.x, spread.xy += weight * v.x * v.y;
-        spread.xz += weight * v.x * v.z, spread.yy += weight * v.y * v.y;
-        spread.yz += weight * v.y * v.z, spread.zz += weight * v.z * v.z;
-    };
-    for (const Camera& camera : cameras) add(share, axis_of(camera, 0));
-    add(-kTrustInMean, mean_up);
-    const auto eigen = sym_eigen(spread);
-    const Vec3d least = column(eigen.vectors, 2);
-    const Vec3d up = dot(least, mean_up) < 0 ? -least : least;
+    Vec3d mean_up, mean_back;
+    for (const Camera& camera : cameras) {
+        add_outer(spread, share, axis_of(camera, 0));
+        mean_up -= share * axis_of(camera, 1), mean_back -= share * axis_of(camera, 2);
+    }
+    add_outer(spread, -kTrustInMean, mean_up);
+    add_outer(spread, -kTrustInMean * (1 - dot(mean_up, mean_up)), mean_back);
+    const Vec3d least = column(sym_eigen(spread).vectors, 2);
+    const Vec3d up = dot(least, mean_up + kSteep * mean_back) < 0 ? -least : least;
 
     // 2. The front faces the middle camera or, where that looks along `up`, the lower edge of its
     // image.

@@ -111,7 +111,7 @@ MeshFileOptions file_options(const MeshOutputOptions& options,
     MeshFileOptions out;
     out.texture_format = options.texture_format, out.origin = origin;
     out.normals = options.normals;
-    if (!options.keep_axes) out.upright_from_scene = upright_from_scene(detail::cameras_of(views));
+    if (!options.keep_axes) out.upright_from_scene = upright_from_scene(upright_cameras(views));
     return out;
 }
 

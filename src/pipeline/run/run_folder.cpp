@@ -372,6 +372,7 @@ void RunFolder::save_cameras(const Scene& scene) const {
                      std::vector{row(R[0][0], R[0][1], R[0][2]), row(R[1][0], R[1][1], R[1][2]),
                                  row(R[2][0], R[2][1], R[2][2])});
             line.add("fy", c.fy_px).add("fx", c.fx_px).add("cx", c.cx_px).add("cy", c.cy_px);
+            line.add("upright_turns", view.upright_turns);
             text += (id++ ? ",\n" : "\n") + json_text(line);
         }
     write_text_file(path_ + "/cameras.json", text + "\n]\n");
