@@ -192,6 +192,10 @@ TEST_F(SceneLayouts, Blender) {
     expect_looks_along_x(scene.train[0]);
     EXPECT_EQ(scene.train[1].photo.at(0, 0), 0);  // transparent: black
     EXPECT_EQ(scene.train[1].mask.at(0, 0), 0);
+    std::string sized = frames("train", 3);
+    write("transforms_train.json", sized.insert(1, "\"w\": 16, \"h\": 12, \"fl_x\": 10, "));
+    EXPECT_EQ(read().train[0].camera.fx_px, 5) << "the photographs are half as large";
+    write("transforms_train.json", frames("train", 3));
     options.views = "2,3";  // of all images: test/r_0, test/r_1, train/r_0 ...
     EXPECT_EQ(read().train.size(), 2u);
     options.views.clear();
@@ -234,6 +238,19 @@ TEST_F(SceneLayouts, Nerfstudio) {
     EXPECT_EQ(read().test.size(), 1u);
     write_frames("\"camera_angle_x\": 1.5707963267948966, ", kOpenGl);  // no size: the files'
     EXPECT_NEAR(read().train[0].camera.fx_px, 4, 1e-5f);
+    // The focal length is in pixels of the listed files, not of smaller copies.
+    write_frames("\"fl_x\": 10, \"train_filenames\": [\"images/0.png\", \"images/2.png\"], ",
+                 kOpenGl);
+    for (int i = 0; i < 3; ++i) photo(str("images_2/", i, ".png"), 4, 3);
+    options.images = "images_2";
+    EXPECT_EQ(read().train[0].camera.fx_px, 5);
+    options.images = "images";
+    // A lost photograph without a known size is left out, also of the scene's split.
+    fs::remove(folder / "images/0.png");
+    options.min_train_views = 1;
+    EXPECT_EQ(read().train.size(), 1u);
+    photo("images/0.png", 8, 6);
+    options.min_train_views = 2;
     write_frames(head + "\"camera_model\": \"OPENCV\", \"k1\": 0.1, ", kOpenGl);
     EXPECT_EQ(read().train[0].photo.width, 8);  // undistorted
     write_frames(head + "\"camera_model\": \"EQUIRECTANGULAR\", ", kOpenGl);

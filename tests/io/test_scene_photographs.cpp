@@ -100,6 +100,29 @@ TEST_F(SceneReader, MasksOfAFolder) {
     expect_input_error("E_MASKS");
 }
 
+TEST_F(SceneReader, MasksOfAnotherFolderAreNotTaken) {
+    write("sparse/0/images.txt",
+          "1 1 0 0 0 0 0 0 1 a/01.png\n\n2 1 0 0 0 -1 0 0 1 b/01.png\n\n"
+          "3 1 0 0 0 -2 0 0 1 b/02.png\n\n4 1 0 0 0 -3 0 0 1 b/03.png\n\n");
+    for (const char* name : {"a/01.png", "b/01.png", "b/02.png", "b/03.png"})
+        photo(str("images/", name), 8, 6, 90);
+    options.need_points = false;
+    const auto with_mask = [&] {
+        std::set<std::string> names;
+        for (const View& view : read().train)
+            if (!view.mask.empty()) names.insert(view.name);
+        return names;
+    };
+    photo("masks/a/01.png", 8, 6, 7, 1);
+    EXPECT_EQ(with_mask(), std::set<std::string>{"a/01.png"});
+    fs::remove_all(folder / "masks");
+    photo("masks/01.png", 8, 6, 7, 1);  // of a or of b
+    photo("masks/2.png", 8, 6, 7, 1);   // by its number
+    photo("masks/03.png", 8, 6, 7, 1);  // by its name
+    write("masks/03.json", "{}");       // the polygons of the mask
+    EXPECT_EQ(with_mask(), (std::set<std::string>{"b/02.png", "b/03.png"}));
+}
+
 TEST_F(SceneReader, MaskOfTheAlphaChannel) {
     ImageU8 image(8, 6, 4, 200);
     for (int x = 0; x < 8; ++x) image.at(x, 2, 3) = 100;
@@ -217,6 +240,49 @@ TEST_F(SceneReader, PhotographsThatFitOnlyWhenTurned) {
     }
     write("images/2.jpg", jpeg_bytes(stored, 90));
     expect_input_error("E_IMAGE_SIZE");
+}
+
+TEST_F(SceneReader, TurnsThatShowAPhotographUpright) {
+    ImageU8 stored(64, 32, 3);
+    for (int y = 0; y < 32; ++y)
+        for (int x = 0; x < 64; ++x)
+            stored.at(x, y, 0) = static_cast<std::uint8_t>(32 * (x % 8) + y);
+    camera("1 PINHOLE 64 32 100 110 30 17");
+    // 1 is upright; 8, 3 and 6 are turned by one, two and three quarters against the clock; the
+    // others are mirrored.
+    const int turns[] = {0, 0, 2, 2, 1, 1, 3, 3};
+    for (const int first : {1, 5}) {
+        for (int i = 0; i < 4; ++i) {
+            fs::remove(folder / str("images/", i, ".png"));
+            write(str("images/", i, ".jpg"), oriented_jpeg(stored, static_cast<char>(first + i)));
+        }
+        const Scene scene = read();
+        for (std::size_t i = 0; i < 4; ++i)
+            EXPECT_EQ(scene.train[i].upright_turns, turns[first - 1 + int(i)]) << first + int(i);
+    }
+    // A turned camera sees each place where the turned image has its pixel.
+    const Camera as_stored = read().train[0].camera;
+    for (int quarters = 0; quarters < 4; ++quarters) {
+        const ImageU8 image = turned_clockwise(stored, quarters);
+        const Camera turned = turned_camera(as_stored, quarters);
+        ASSERT_EQ(turned.width_px, image.width);
+        ASSERT_EQ(turned.height_px, image.height);
+        for (int y = 0; y < 32; ++y)
+            for (int x = 0; x < 64; ++x) {
+                const Vec3f ray = pixel_ray(as_stored, x, y);
+                const Rigid3f& pose = as_stored.camera_from_world;
+                const Vec3f p =
+                    turned.camera_from_world * transpose_times(pose.R, 3 * ray - pose.t);
+                const int u = static_cast<int>(turned.fx_px * p.x / p.z + turned.cx_px),
+                          v = static_cast<int>(turned.fy_px * p.y / p.z + turned.cy_px);
+                ASSERT_EQ(image.at(u, v, 0), stored.at(x, y, 0))
+                    << quarters << " " << x << " " << y;
+            }
+    }
+    EXPECT_EQ(turned_clockwise(stored, 1).at(31, 0, 0), stored.at(0, 0, 0)) << "clockwise";
+    // Other programs' cameras describe turned pixels.
+    camera("1 PINHOLE 32 64 100 110 16 32");
+    for (const View& view : read().train) EXPECT_EQ(view.upright_turns, 0);
 }
 
 TEST_F(SceneReader, ExtensionsOfEveryKind) {

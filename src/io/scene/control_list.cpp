@@ -1,5 +1,6 @@
 #include "io/scene/control_list.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <tuple>
@@ -48,6 +49,7 @@ public:
             else
                 read_projection(words), has_projection = true;
         }
+        require_metres();
         if (list_.points.empty())
             throw input_error(list_.path, ": has no control points; expected a line with the ",
                               "projection, then lines \"x y z px py image [name]\"");
@@ -58,6 +60,20 @@ private:
     template <class... Parts>
     Error wrong(const Parts&... what) const {
         return input_error(list_.path, ":", line_, ": ", what...);
+    }
+
+    /// Many systems have degrees: EPSG:4258, 4269, 7844 and others. UTM has metres.
+    void require_metres() const {
+        const auto in_degrees = [](const ControlPoint& point) {
+            return std::abs(point.position.x) <= 180 && std::abs(point.position.y) <= 180;
+        };
+        if (list_.degrees || !list_.projection.starts_with("EPSG:") ||
+            list_.projection.starts_with("EPSG:326") || list_.projection.starts_with("EPSG:327") ||
+            list_.points.empty() || !std::ranges::all_of(list_.points, in_degrees))
+            return;
+        throw input_error(list_.path, ": all x and y are within 180 in ", list_.projection,
+                          ", so they seem to be degrees; expected metres, or longitude and "
+                          "latitude in EPSG:4326");
     }
 
     void read_projection(std::string_view line) {
@@ -72,8 +88,9 @@ private:
                               units = parameter(words, "+units=");
             list_.degrees =
                 proj == "longlat" || proj == "latlong" || proj == "lonlat" || proj == "latlon";
-            if (!units.empty() && units != "m")
-                throw wrong("the unit is '", shown(units),
+            const std::string to_metre = parameter(words, "+to_meter=");
+            if ((!units.empty() && units != "m") || (!to_metre.empty() && to_metre != "1"))
+                throw wrong("the unit is '", shown(units.empty() ? to_metre + " m" : units),
                             "'; expected metres: convert the coordinates");
         } else if (const std::string utm = utm_code(words); !utm.empty()) {
             list_.projection = utm;

@@ -3,7 +3,9 @@
 #include <cmath>
 #include <filesystem>
 #include <optional>
+#include <set>
 
+#include "core/log.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
 #include "io/images/image_file.h"
@@ -144,7 +146,8 @@ SceneLayout read_blender_layout(const SceneOptions& options) {
         for (const JsonValue& frame : in.file["frames"].items) {
             const std::string name = with_extension(scene, in.name(frame, "file_path"));
             JsonValue sized = frame;
-            sized.set("w", size->width), sized.set("h", size->height);
+            if (!in.number(frame, "w") || !in.number(frame, "h"))
+                sized.set("w", size->width), sized.set("h", size->height);
             add_view(layout, name, in.camera(sized, name), in.pose(frame, name));
             (test ? layout.test : layout.train).push_back(name);
         }
@@ -164,20 +167,30 @@ SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
             name = options.images + name.substr(6);
         return with_extension(scene, name);
     };
+    std::set<std::string> unknown;
     for (const JsonValue& frame : in.file["frames"].items) {
         const std::string name = listed(frame, "file_path");
-        const std::string file = (scene / name).string();
+        // Lengths in pixels are of this file.
+        const fs::path file = scene / with_extension(scene, in.name(frame, "file_path"));
         const bool sized = in.number(frame, "w") && in.number(frame, "h");
-        if (!sized && !fs::exists(file)) continue;  // without the file its camera is unknown
-        add_view(layout, name, in.camera(frame, file), in.pose(frame, name));
+        if (!sized && !fs::exists(file)) {
+            unknown.insert(name);
+            continue;
+        }
+        add_view(layout, name, in.camera(frame, file.string()), in.pose(frame, name));
         if (frame["mask_path"])
             layout.masks.emplace(name, (scene / in.name(frame, "mask_path")).string());
     }
+    if (!unknown.empty())
+        spdlog::warn("{}: {} photographs without size (w, h) not found, skipped, such as {}",
+                     layout.source, unknown.size(), *unknown.begin());
     for (const auto& [key, list] :
          {std::pair{"train_filenames", &layout.train}, {"test_filenames", &layout.test}}) {
         for (const JsonValue& entry : in.file[key].items)
             if (entry.is(JsonValue::Kind::text))
-                list->push_back(listed(JsonValue().add("name", entry), "name"));
+                if (const std::string name = listed(JsonValue().add("name", entry), "name");
+                    !unknown.contains(name))
+                    list->push_back(name);
     }
     if (in.file["ply_file_path"])
         layout.points = (scene / in.name(in.file, "ply_file_path")).string();

@@ -71,11 +71,11 @@ auto reading_scene(const SceneOptions& options, const Action& action) {
     });
 }
 
-/// Finds the mask of an image: same name, else the same number (DTU: 000.png belongs to
-/// 000000.jpg).
+/// Finds the mask of an image: same path, else the same name or number (DTU: 000.png belongs to
+/// 000000.jpg) in a folder of the same path, or anywhere if no other image has it.
 class MaskFinder {
 public:
-    explicit MaskFinder(const SceneOptions& options) {
+    MaskFinder(const SceneOptions& options, const std::vector<ColmapImage>& images) {
         const fs::path scene(options.path);
         if (!options.masks.empty()) {
             required_ = true;
@@ -93,27 +93,40 @@ public:
         for (const auto& entry : fs::recursive_directory_iterator(folder_))
             if (entry.is_regular_file()) files.push_back(entry.path().lexically_relative(folder_));
         std::ranges::sort(files);
+        // Annotations may have the names of the masks.
+        std::ranges::stable_partition(
+            files, [](const fs::path& file) { return has_image_extension(file.string()); });
         for (const fs::path& file : files) {
             const std::string stem = fs::path(file).replace_extension().string();
-            by_stem_.emplace(stem, file);
             int number = 0;
-            if (parse_number(file.stem().string(), number)) {
+            if (by_stem_.emplace(stem, file).second && parse_number(file.stem().string(), number)) {
                 const auto [entry, is_new] = by_number_.emplace(number, file);
                 if (!is_new) entry->second.clear();  // ambiguous
             }
+        }
+        for (const ColmapImage& image : images) {
+            const std::string stem = fs::path(image.name).stem().string();
+            int number = 0;
+            ++images_by_stem_[stem];
+            if (parse_number(stem, number)) ++images_by_number_[number];
         }
     }
     std::optional<std::string> find(const std::string& name) const {
         if (folder_.empty()) return std::nullopt;
         const fs::path path(name);
-        for (const std::string& stem :
-             {fs::path(path).replace_extension().string(), path.string(), path.stem().string()})
+        const std::string own = path.stem().string();
+        for (const std::string& stem : {fs::path(path).replace_extension().string(), name})
             if (const auto found = by_stem_.find(stem); found != by_stem_.end())
                 return (folder_ / found->second).string();
+        if (const auto found = by_stem_.find(own);
+            found != by_stem_.end() && images_by_stem_.at(own) == 1)
+            return (folder_ / found->second).string();
         int number = 0;
-        if (parse_number(path.stem().string(), number))
+        if (parse_number(own, number))
             if (const auto found = by_number_.find(number);
-                found != by_number_.end() && !found->second.empty())
+                found != by_number_.end() && !found->second.empty() &&
+                (images_by_number_.at(number) == 1 ||
+                 found->second.parent_path() == path.parent_path()))
                 return (folder_ / found->second).string();
         if (required_)
             throw input_error("E_MASKS: ", folder_.string(), ": no mask for image '", name, "'");
@@ -125,6 +138,8 @@ private:
     bool required_ = false;
     std::map<std::string, fs::path> by_stem_;
     std::map<int, fs::path> by_number_;
+    std::map<std::string, int> images_by_stem_;
+    std::map<int, int> images_by_number_;
 };
 
 /// Reads the initial points. Also sets View::pose_error_px.
@@ -354,7 +369,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         const ColmapModel& model = layout.model;
 
         // 1. Views.
-        const MaskFinder mask_finder(options);
+        const MaskFinder mask_finder(options, model.images);
         const auto sources = [&](const std::vector<int>& indices) {
             std::vector<ViewSource> out;
             for (const int i : indices) {
