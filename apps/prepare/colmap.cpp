@@ -90,10 +90,13 @@ Colmap::Colmap(std::string program, const std::filesystem::path& work, std::stri
 std::vector<std::string> Colmap::ask(const std::vector<std::string>& words) const {
     std::vector<std::string> command = {program_}, answer;
     command.insert(command.end(), words.begin(), words.end());
-    run_program(command, help_log_, [&](std::string_view line) {
+    const int code = run_program(command, help_log_, [&](std::string_view line) {
         std::istringstream in{std::string(line)};
         answer.insert(answer.end(), std::istream_iterator<std::string>(in), {});
     });
+    if (code > 125)  // not started, or ended by a signal
+        throw Error(ExitCode::usage, program_, ": does not start, exit code ", code, ":",
+                    last_lines(help_log_, 3));
     return answer;
 }
 

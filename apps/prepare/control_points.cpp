@@ -47,7 +47,8 @@ void match_marks(ControlList& list, const std::vector<Photograph>& photographs) 
                 throw wrong(list, mark.line,
                             str("px py ", p.x, " ", p.y, " lies outside of ", photo.name, ", ",
                                 photo.width, "x", photo.height,
-                                " pixels; expected pixels of this file: was it resized?"));
+                                " pixels; expected pixels of this file as it is stored: was it "
+                                "resized, or turned by its EXIF orientation?"));
             mark.image = photo.name;
             if (const auto [at, is_new] = lines.emplace(mark.image, mark.line); !is_new)
                 throw wrong(list, mark.line,
@@ -224,6 +225,10 @@ GeoFrame place_by_control_points(const SparseModel& model, const ControlPoints& 
     for (const ControlPoint& point : list.points) {
         found.push_back(find_point(model, point));
         pair_of.push_back(from.size());
+        if (!found.back().position)
+            spdlog::warn(
+                "{}: not used: fewer than two of its {} marks meet, in photographs with a pose",
+                point.name, point.marks.size());
         if (!found.back().position || points.checkpoints.contains(point.name)) continue;
         from.push_back(*found.back().position), to.push_back(point.position);
         pixels.push_back(found.back().pixel);
@@ -245,9 +250,6 @@ GeoFrame place_by_control_points(const SparseModel& model, const ControlPoints& 
         JsonValue line;
         line.add("name", point.name);
         if (!f.position) {
-            spdlog::warn(
-                "{}: not used: fewer than two of its {} marks meet, in photographs with a pose",
-                point.name, point.marks.size());
             lines.items.push_back(line.add("use", "none"));
             continue;
         }

@@ -317,6 +317,11 @@ Reconstruction reconstruct(const std::string& program,
     else
         found.models = map_all(colmap, work, mapping, photographs);
     if (found.models.empty()) throw no_model(found, photographs, options);
+    if (with_poses && found.models.front().points.empty())
+        throw input_error(
+            options.poses,
+            ": no point of the photographs agrees with these poses; expected COLMAP's "
+            "camera_from_world, x right, y down, z forward");
     if (with_lens)
         found.models[0] =
             with_lenses(colmap, work, lens, std::move(found.models[0]), groups, options);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <optional>
 
 #include "apps/common/command_line.h"
@@ -21,6 +22,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
 #include "io/scene/georeference.h"
+#include "pipeline/run/run_folder.h"
 #include "pipeline/run/signals.h"
 
 namespace tvsgs {
@@ -171,6 +173,17 @@ private:
     fs::path path_;
 };
 
+/// Removes the empty folders below `folder`.
+void remove_empty_folders(const fs::path& folder) {
+    std::vector<fs::path> below;
+    for (const auto& entry : fs::directory_iterator(folder))
+        if (entry.is_directory() && !entry.is_symlink()) below.push_back(entry.path());
+    for (const fs::path& each : below) {
+        remove_empty_folders(each);
+        if (fs::is_empty(each)) fs::remove(each);
+    }
+}
+
 constexpr const char* kLogHead = "tvsgs-prepare ";
 
 /// COLMAP's output: next to the scene until that exists. Keeps a file of another program.
@@ -204,6 +217,9 @@ void check_places(const Arguments& a, const fs::path& scene) {
     } else if (fs::exists(fs::symlink_status(scene)) &&  // or a broken link
                !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
         throw usage_error(a.scene, ": already exists and is not empty; choose another folder");
+    } else if (fs::is_directory(a.photos) && lies_in(scene, a.photos)) {
+        throw usage_error(a.scene, ": lies inside ", a.photos,
+                          ", so its photographs would be found again; choose a folder elsewhere");
     }
     if (!a.anew && a.reconstruct.poses.empty() && a.model.empty() && fs::is_directory(a.photos))
         if (const std::string model = find_model_of(a.photos); !model.empty())
@@ -222,30 +238,65 @@ void check_places(const Arguments& a, const fs::path& scene) {
     }
 }
 
-/// The model of --model. Throws Error(ExitCode::input) if it has other photographs.
-SparseModel model_of(const std::string& folder, const std::vector<Photograph>& photographs) {
+/// The model of --model; `renamed`: names of converted photographs. Throws Error(ExitCode::input)
+/// if it has other photographs or no points.
+SparseModel model_of(const std::string& folder,
+                     const std::vector<Photograph>& photographs,
+                     const std::map<std::string, std::string>& renamed) {
     if (!fs::exists(folder + "/cameras.bin"))
         throw input_error(folder,
                           ": no cameras.bin; expected a COLMAP model of .bin files, made from "
                           "text by 'colmap model_converter --output_type BIN'");
     SparseModel model = read_sparse_model(folder);
-    for (const SparseImage& image : model.images)
-        if (std::ranges::find(photographs, image.name, &Photograph::name) == photographs.end())
+    for (SparseImage& image : model.images) {
+        if (const auto now = renamed.find(image.name); now != renamed.end())
+            image.name = now->second;
+        const auto photo = std::ranges::find(photographs, image.name, &Photograph::name);
+        if (photo == photographs.end())
             throw input_error(
                 folder, ": has the photograph ", image.name,
                 ", which is not in the folder; expected a model of these photographs");
+        const SparseCamera& camera = model.camera(image.camera_id);
+        const auto has = [&](int width, int height) {
+            return camera.width == std::uint64_t(width) && camera.height == std::uint64_t(height);
+        };
+        if (!has(photo->width, photo->height) && !has(photo->height, photo->width))
+            throw input_error(folder, ": the camera of ", image.name, " has ", camera.width, "x",
+                              camera.height, " pixels, the photograph ", photo->width, "x",
+                              photo->height, "; expected a model of these files");
+    }
+    std::ranges::sort(model.images, {}, &SparseImage::name);
     if (model.images.size() < 2)
         throw input_error(folder, ": has ", model.images.size(),
                           " photographs with poses; expected 2 or more");
+    if (model.points.empty())
+        throw input_error(folder, ": has no points; --poses ", folder, " makes them");
     return model;
 }
 
-/// Writes the model beside the scene, because it took long to find; returns its folder.
-std::string keep_model(const fs::path& scene, const SparseModel& model) {
-    std::string folder = scene.string() + ".cameras";
-    if (fs::exists(folder)) folder = str(folder, "-", getpid());
-    write_sparse_model(folder, model);
-    return folder;
+/// Keeps a model that took long to find, and the frames of a video, beside the scene. Returns the
+/// command that uses them; empty if they cannot be written.
+std::string keep_cameras(const Arguments& a,
+                         const fs::path& scene,
+                         const SparseModel& model,
+                         const std::string& frames) {
+    const auto free_place = [&](const char* end) {
+        std::string path = scene.string() + end;
+        return fs::exists(path) ? str(path, "-", getpid()) : path;
+    };
+    try {
+        const std::string cameras = free_place(".cameras");
+        write_sparse_model(cameras, model);
+        std::string photos = a.photos;
+        if (!frames.empty()) {
+            photos = free_place(".frames");
+            fs::rename(frames, photos);
+        }
+        return shell_line({"tvsgs-prepare", photos, a.scene, "--model", cameras});
+    } catch (const std::exception& error) {
+        spdlog::warn("The cameras could not be kept: {}", error.what());
+        return "";
+    }
 }
 
 /// The calibration scaled to the size of the photographs, which must be the same for all.
@@ -275,6 +326,11 @@ JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& m
     move(model, frame.to_new);
     spdlog::info("Metric scale from {} markers, seen {} times; their sizes agree within {:.1f} %",
                  frame.markers, found, 100 * frame.spread);
+    if (frame.spread > 0.05)
+        spdlog::warn(
+            "The markers differ in size by {:.0f} %, so the scale is uncertain: have all "
+            "prints the side of --marker-size?",
+            100 * frame.spread);
     if (!frame.upright)
         spdlog::warn(
             "The markers are not in parallel planes: units are metres, but the axes stay as COLMAP "
@@ -355,56 +411,61 @@ int command(int argc, char** argv) {
     const std::string log = a.model.empty() ? start_log(scene) : "";
     Reconstruction found;
     if (!a.model.empty())
-        found.models = {model_of(a.model, photographs)};
+        found.models = {model_of(a.model, photographs, a.reconstruct.renamed)};
     else
         found = with_context(str("preparing ", a.scene, " (messages of COLMAP: ", log, ")"), [&] {
             return reconstruct(colmap, work.path(), images, log, groups, a.reconstruct);
         });
     std::vector<std::string> names;
     for (const Photograph& photo : photographs) names.push_back(photo.name);
-    const Check check = check_models(names, found.models, found.features);
-    log_check(check);
-    if (check.registered * 100 < check.photographs * static_cast<std::size_t>(a.min_share))
-        throw input_error(
-            a.photos, ": ", check.registered, " of ", check.photographs,
-            " photographs have poses, expected ", a.min_share,
-            " % or more; add photographs as listed above, or accept it with --min-share ",
-            check.registered * 100 / check.photographs,
-            log.empty() ? "" : "; messages of COLMAP: " + log);
-
-    // 3. Write the complete scene, then give it its name.
     SparseModel& model = found.models[0];
-    JsonValue report = json_of(check);
-    if (a.model.empty()) {
-        report.set("colmap", found.colmap);
-        report.set("feature_size", a.reconstruct.feature_size);
-    }
+    std::size_t registered = 0;
     try {
+        const Check check = check_models(names, found.models, found.features);
+        log_check(check);
+        registered = check.registered;
+        if (registered * 100 < check.photographs * static_cast<std::size_t>(a.min_share))
+            throw input_error(
+                a.photos, ": ", registered, " of ", check.photographs,
+                " photographs have poses, expected ", a.min_share,
+                " % or more; add photographs as listed above, or accept it with --min-share ",
+                registered * 100 / check.photographs,
+                log.empty() ? "" : "; messages of COLMAP: " + log);
+
+        // 3. Write the complete scene, then give it its name.
+        JsonValue report = json_of(check);
+        if (a.model.empty()) {
+            report.set("colmap", found.colmap);
+            report.set("feature_size", a.reconstruct.feature_size);
+        }
         if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));
         if (control || a.gps)
             report.set("georeference",
                        put_in_place(control ? place_by_control_points(model, *control)
                                             : place_by_exif(model, photographs),
                                     made, model));
-    } catch (const Error& error) {
-        if (!a.model.empty()) throw;
+        write_sparse_model((made / "sparse/0").string(), model);
+        write_text_file((made / "prepare.json").string(), json_text(report) + "\n");
+        if (!log.empty()) fs::copy_file(log, made / "prepare.log");
+    } catch (const std::exception& error) {
+        if (!a.model.empty() || SignalGuard::received() != 0) throw;
+        const std::string command = keep_cameras(a, scene, model, video ? photos : "");
+        if (command.empty()) throw;
+        const Error* const known = dynamic_cast<const Error*>(&error);
         throw Error(
-            error.code(), error.what(), "\n  The cameras are kept. After a correction, with ",
-            control ? "--gcp"
-            : a.gps ? "--gps"
-                    : "--marker-size",
-            " as before: ",
-            shell_line({"tvsgs-prepare", a.photos, a.scene, "--model", keep_model(scene, model)}));
+            known ? known->code() : ExitCode::io, error.what(),
+            "\n  The cameras are kept. After a correction, with the other flags as before: ",
+            command);
     }
-    for (const std::string& name : names)
-        if (!in_place && !std::ranges::binary_search(model.images, name, {}, &SparseImage::name))
-            fs::remove(images / name);
-    write_sparse_model((made / "sparse/0").string(), model);
-    write_text_file((made / "prepare.json").string(), json_text(report) + "\n");
-    if (!log.empty()) fs::copy_file(log, made / "prepare.log");
+    if (!in_place) {
+        for (const std::string& name : names)
+            if (!std::ranges::binary_search(model.images, name, {}, &SparseImage::name))
+                fs::remove(images / name);
+        remove_empty_folders(images);
+    }
     work.put(made);
     if (!log.empty()) fs::remove(log);
-    spdlog::info("Wrote {}: {} photographs with cameras", a.scene, check.registered);
+    spdlog::info("Wrote {}: {} photographs with cameras", a.scene, registered);
     say_next({"tvsgs-train", "--scene", a.scene}, "train on it");
     return 0;
 }

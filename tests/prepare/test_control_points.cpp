@@ -225,6 +225,8 @@ TEST_F(ControlLists, WrongLinesAreNamed) {
     refused("EPSG:32632\n", "has no control points");
     refused("1 2 3 4 5 a.jpg\n", "gcp_list.txt:1: '1 2 3 4 5 a.jpg' is no projection; expected");
     refused("EPSG:abc\n", "'EPSG:abc' is no projection");
+    refused("EPSG:4258\n1 2 3 4 5 a.jpg\n", "within 180 in EPSG:4258, so they seem to be degrees");
+    refused("+proj=lcc +to_meter=0.3048006\n", "the unit is '0.3048006 m'");
     refused("WGS84 UTM 61N\n", "is no projection");
     refused("+proj=lcc +units=us-ft\n", "gcp_list.txt:1: the unit is 'us-ft'; expected metres");
     const std::string head = "EPSG:32632\n";
@@ -275,6 +277,9 @@ TEST_F(ControlLists, AreCheckedAgainstThePhotographs) {
     EXPECT_NEAR(norm(local.list.points[1].position - local.list.points[0].position), 74.6312, 1e-3);
     EXPECT_NEAR(norm(local.list.points[2].position - local.list.points[0].position), 111.1991,
                 1e-2);
+    const LocalFrame date_line({{48, 179.9995, 500}, {48, -179.9995, 500}});
+    EXPECT_NEAR(norm(date_line({48, 179.9995, 500})), 37.3156, 1e-3);
+    EXPECT_NEAR(norm(date_line({48, -179.9995, 500})), 37.3156, 1e-3);
 }
 
 /// The swap of the axes is a mirror, which flat points fit upside down.

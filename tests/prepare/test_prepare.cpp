@@ -4,6 +4,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <functional>
+
 #include "core/log.h"
 #include "io/images/image_file.h"
 #include "io/scene/georeference.h"
@@ -15,20 +17,21 @@ namespace {
 
 TEST_F(Prepare, PhotographsBecomeAScene) {
     photos(kNames);
-    photo("IMG_4.JPG");
+    photo("IMG_4.JPG"), photo("c/d/9.png");
     write("photos/notes.txt", "no photograph");
     write("photos/b/raw.CR2", "no photograph that we read");
     store(0, made_model(kNames, 0.75));
     write("features_IMG_4.JPG", "120");
     const Result r = run("photos scene");
     ASSERT_EQ(r.code, 0) << r;
-    EXPECT_TRUE(r.says("5 of 6 photographs have poses")) << r;
+    EXPECT_TRUE(r.says("5 of 7 photographs have poses")) << r;
     EXPECT_TRUE(r.says("Reprojection error 0.75 px on average")) << r;
     EXPECT_TRUE(r.says("IMG_4.JPG: no pose; 120 features, others have 1000")) << r;
     EXPECT_TRUE(r.says("between IMG_3.JPG and b/1.png")) << r;
     EXPECT_TRUE(r.says("Skipped 1 files, such as photos/b/raw.CR2")) << r;
     EXPECT_TRUE(r.says("Next, train on it:\n    tvsgs-train --scene scene")) << r;
     EXPECT_FALSE(fs::exists(folder / "scene/images/IMG_4.JPG"));
+    EXPECT_FALSE(fs::exists(folder / "scene/images/c")) << "no pose in this folder";
     EXPECT_FALSE(fs::exists(folder / "scene.log"));
     EXPECT_NE(text("scene/prepare.log").find("I am mapper"), std::string::npos);
     EXPECT_EQ(report()["registered"].number, 5);
@@ -195,8 +198,12 @@ TEST_F(Prepare, TooFewPosesAreAnError) {
     EXPECT_TRUE(r.says("c.png to e.png (3 photographs): no pose; too little overlap")) << r;
     EXPECT_TRUE(r.says("--min-share 40")) << r;
     expect_nothing_left();
-    r = run("photos scene --min-share 40");
+    // The accepted cameras are not searched again.
+    write("calls.txt", "");
+    EXPECT_TRUE(r.says("--model " + (folder / "scene.cameras").string())) << r;
+    r = run("photos scene --min-share 40 --model scene.cameras");
     EXPECT_EQ(r.code, 0) << r;
+    EXPECT_EQ(text("calls.txt"), "");
     // No model at all.
     fs::remove_all(folder / "models");
     fs::create_directories(folder / "models");
@@ -265,6 +272,15 @@ TEST_F(Prepare, WhatIsMissingOrThereAlready) {
                    "PATH=/nowhere " TVSGS_BIN_DIR "/tvsgs-prepare photos scene >out.txt 2>err.txt");
     EXPECT_EQ(r.code, 2) << r;
     EXPECT_TRUE(r.says("apt-get install colmap")) << r;
+    const std::string colmap = text("bin/colmap");
+    write("bin/colmap", "#!/bin/sh\necho libceres.so: cannot open; exit 127\n");
+    r = run("photos scene");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("colmap: does not start, exit code 127:\n  libceres.so: cannot open")) << r;
+    write("bin/colmap", colmap);
+    r = run("photos photos/scene");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("photos/scene: lies inside photos")) << r;
     write("photos/b/broken.png", "\x89PNG");
     r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
@@ -317,6 +333,14 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     EXPECT_EQ(other.code, 3) << other;
     EXPECT_TRUE(other.says("has poses of 0 of the photographs")) << other;
     EXPECT_EQ(text("calls.txt").find("feature_extractor"), std::string::npos);
+    // Poses that no point agrees with.
+    SparseModel no_points = made_model(kNames);
+    no_points.points.clear();
+    fs::remove_all(folder / "models/0"), fs::remove_all(folder / "given");
+    store(0, no_points);
+    const Result apart = run("photos s2 --poses mine");
+    EXPECT_EQ(apart.code, 3) << apart;
+    EXPECT_TRUE(apart.says("mine: no point of the photographs agrees with these poses")) << apart;
     // A photograph that was converted to PNG keeps its own name in the poses.
     ImageU8 picture(64, 48, 3, 90);
     write("photos/IMG_1.webp", webp_bytes(picture, 90));
@@ -390,7 +414,8 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     for (const std::string& part :
          {std::string("p1: east "),
           std::string("the places do not fit the photographs: they spread "),
-          str("After a correction, with --gcp as before: tvsgs-prepare photos scene --model ",
+          str("After a correction, with the other flags as before: tvsgs-prepare photos scene "
+              "--model ",
               (folder / "scene.cameras").string())})
         EXPECT_TRUE(r.says(part)) << part << r;
     EXPECT_FALSE(fs::exists(folder / "scene"));
@@ -410,7 +435,27 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     EXPECT_EQ(r.code, 0) << r;
     EXPECT_TRUE(r.says("gcp_list.txt: the residuals leave the scale unknown by about ")) << r;
 
+    // A model of smaller copies, without points, with a lost camera.
+    const auto refused = [&](const std::function<void(SparseModel&)>& change, const char* why) {
+        SparseModel changed = model;
+        change(changed);
+        fs::remove_all(folder / "changed");
+        write_sparse_model((folder / "changed").string(), changed);
+        r = run("photos s2 --model changed");
+        EXPECT_EQ(r.code, 3) << r;
+        EXPECT_TRUE(r.says(why)) << r;
+    };
+    refused([](SparseModel& m) { m.cameras[0].width = 32, m.cameras[0].height = 24; },
+            "the camera of IMG_1.JPG has 32x24 pixels, the photograph 64x48");
+    refused([](SparseModel& m) { m.points.clear(); }, "has no points; --poses changed makes them");
+    refused([](SparseModel& m) { m.images[1].camera_id = 9; }, "camera 9");
+    // A photograph that becomes a PNG.
+    write("photos/IMG_1.webp", webp_bytes(ImageU8(64, 48, 3, 90), 90));
     fs::remove(folder / "photos/IMG_1.JPG");
+    SparseModel own = model;
+    own.images[0].name = "IMG_1.webp";
+    write_sparse_model((folder / "own").string(), own);
+    EXPECT_EQ(run("photos s3 --model own").code, 0);
     r = run("photos s2 --model scene.cameras");
     EXPECT_EQ(r.code, 3) << r;
     EXPECT_TRUE(r.says("has the photograph IMG_1.JPG, which is not in the folder")) << r;
