@@ -188,7 +188,7 @@ private:
     const Arguments& a_;
     const std::string input_, out_, scene_, run_, page_;  // absolute
     fs::path programs_;
-    std::size_t photographs_ = 0;  // that need cameras; 0: a video or a scene
+    std::string photographs_;  // that need cameras: count and bytes; empty: a scene has them
     std::vector<const StageKind*> stages_;
     std::optional<Record> record_;
 };
@@ -208,8 +208,12 @@ Reconstruction::Reconstruction(const Arguments& a)
         throw input_error(a.photos,
                           ": expected a folder or a video (.mp4, .mov, .avi, .mkv, .webm)");
     const bool has_cameras = folder && layout_of(input_);
+    if (!folder) photographs_ = counted(fs::file_size(input_), "byte");
     if (folder && !has_cameras) {
-        photographs_ = prepare::photo_files(input_).size();
+        const std::vector<std::string> files = prepare::photo_files(input_);
+        std::uintmax_t bytes = 0;
+        for (const std::string& file : files) bytes += fs::file_size(fs::path(input_) / file);
+        photographs_ = str(counted(files.size(), "photograph"), ", ", counted(bytes, "byte"));
         if (const std::string model = prepare::find_model_of(input_); !model.empty())
             throw usage_error(a.photos, ": these photographs have cameras, in ", model,
                               "; give the folder of that scene");
@@ -269,17 +273,13 @@ Words Reconstruction::words(const StageKind& kind) const {
 /// A change of this text makes the results of the stage invalid.
 std::string Reconstruction::recorded_command(const StageKind& kind) const {
     const std::string line = shell_line(words(kind));
-    return &kind == &kPrepare && photographs_ > 0 ? str(line, "  # ", photographs_, " photographs")
-                                                  : line;
+    return &kind == &kPrepare ? str(line, "  # ", photographs_) : line;
 }
 
 /// Whether a recorded search for cameras had the same photographs, with any flags.
 bool Reconstruction::is_of_these_photographs(const std::string& recorded) const {
-    const auto count = [](const std::string& text) {
-        return text.substr(std::min(text.size(), text.rfind("  # ")));
-    };
     return recorded.starts_with(shell_line({kPrepare.program, input_, scene_})) &&
-           count(recorded) == count(recorded_command(kPrepare));
+           recorded.ends_with("  # " + photographs_);
 }
 
 /// All but the page may also have been made by hand.
@@ -313,13 +313,19 @@ void Reconstruction::remove_results() {
     if (stages_.front() == &kPrepare && fs::exists(scene_) && !has_manifest(scene_) &&
         (prepared == nullptr || !is_of_these_photographs(prepared->command)))
         throw usage_error(scene_, ": was made by hand from other photographs; move it away");
+    if (has_manifest(scene_) && !lies_in(input_, scene_))
+        for (const auto& entry : fs::recursive_directory_iterator(scene_))
+            if (!entry.is_directory() && entry.path().filename() != kManifestName &&
+                !is_listed(scene_, entry.path()))
+                throw usage_error(entry.path().string(),
+                                  ": is not a file of ours; move it away before --overwrite");
+    require_replaceable(page_);
     for (const std::string& folder : {run_, scene_}) {
         if (!has_manifest(folder) || lies_in(input_, folder)) continue;
         remove_listed_files(folder);
         std::error_code not_empty;
         fs::remove(folder, not_empty);
     }
-    require_replaceable(page_);
     fs::remove(page_);
     fs::remove(out_ + "/reconstruct.log");
 }
@@ -360,6 +366,7 @@ int Reconstruction::run() {
     if (a_.overwrite) remove_results();
     if (a_.overwrite || record_->is_new()) record_->clear();
 
+    const bool prepared = stages_.front() == &kPrepare;
     StageRunner runner(stages_, out_ + "/reconstruct.log");
     std::string kept;
     bool all_kept = true;
@@ -373,10 +380,12 @@ int Reconstruction::run() {
         run_stage(*stage, runner);
     }
     if (all_kept) spdlog::info("Everything is done already; --overwrite starts anew");
+    if (prepared && !a_.of_prepare.empty() && !fs::exists(scene_ + "/georeference.json"))
+        spdlog::warn("{} has no effect: {} has its cameras from another command", a_.of_prepare[0],
+                     scene_);
     if (runner.warnings() > 0)
         spdlog::info("{} in {}/reconstruct.log", counted(std::size_t(runner.warnings()), "warning"),
                      a_.out);
-    const bool prepared = stages_.front() == &kPrepare;
     log_summary(a_.out + "/run", prepared ? scene_ : input_, a_.out + "/view.html");
     if (a_.open) open_page(page_);
     return 0;

@@ -151,8 +151,13 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
     write("photos/d.png", "");
     r = run("photos 'my out'");
     EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("# 3 photographs\n") && r.says("# 4 photographs\n")) << r;
+    EXPECT_TRUE(r.says("# 3 photographs, ") && r.says("# 4 photographs, ")) << r;
     fs::remove(folder / "photos/d.png");
+    const std::string before = text("photos/a.png");
+    write("photos/a.png", before + "taken again");
+    r = run("photos 'my out'");
+    EXPECT_EQ(r.code, 2) << r;
+    write("photos/a.png", before);
     fs::remove_all(folder / "my out/scene");
     r = run("photos 'my out'");
     EXPECT_EQ(r.code, 2) << r;
@@ -170,12 +175,14 @@ TEST_F(Reconstruct, ASceneMadeByHandBelongsToItsPhotographs) {
     for (const char* flags : {"", " --overwrite"}) {
         const Result r = run(std::string("photos out") + flags);
         EXPECT_EQ(r.code, 2) << r;
-        EXPECT_TRUE(r.says(*flags ? "made by hand from other photographs" : "# 4 photographs"))
+        EXPECT_TRUE(r.says(*flags ? "made by hand from other photographs" : "# 4 photographs, "))
             << r;
     }
     EXPECT_EQ(calls(), "prepare prepare ");
     fs::remove(folder / "photos/d.png");
-    EXPECT_EQ(run("photos out --gps").code, 0) << "made after a failure, with other flags";
+    const Result r = run("photos out --gps");
+    EXPECT_EQ(r.code, 0) << "made after a failure, with other flags" << r;
+    EXPECT_TRUE(r.says("--gps has no effect: ")) << r;
     EXPECT_EQ(calls(), "prepare prepare train extract-mesh view ");
 }
 
@@ -183,6 +190,12 @@ TEST_F(Reconstruct, OverwriteRemovesOnlyItsOwnFiles) {
     ASSERT_EQ(run("photos out").code, 0);
     write("out/notes.txt", "mine"), write("out/run/notes.txt", "mine");
     write("before_train", "echo 'error: no luck'; echo '  while training'; exit 7");
+    write("out/scene/masks/a.png", "mine");
+    const Result refused = run("photos out --quality draft --overwrite");
+    EXPECT_EQ(refused.code, 2) << refused;
+    EXPECT_TRUE(refused.says("scene/masks/a.png: is not a file of ours; move it away")) << refused;
+    EXPECT_TRUE(fs::exists(folder / "out/run/config.json"));
+    fs::remove_all(folder / "out/scene/masks");
     const Result r = run("photos out --quality draft --overwrite");
     EXPECT_EQ(r.code, 7) << r;
     EXPECT_TRUE(
