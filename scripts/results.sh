@@ -66,15 +66,15 @@ tables() {
         END {
             many = n_names > 1
             print "| scene, split" (many ? ", configuration" : "") " | seeds | mesh F1 | mesh recall | accuracy |" \
-                  " completeness | centres F1 | PSNR | SSIM | splats | training, s | peak MiB |"
-            print "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+                  " completeness | PSNR | SSIM | splats | peak MiB |"
+            print "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
             for (i = 1; i <= n_rows; i++) {
                 r = rows[i]; split(r, name, SUBSEP)
                 print "| " name[1] (many ? ", " name[2] : "") " | " seeds[r] " | " pair(r, "f1", "geometry") " | " \
                       pair(r, "recall", "geometry") " | " cell(r, "accuracy (geometry)", "%.4f") " | " \
-                      cell(r, "completeness (geometry)", "%.4f") " | " pair(r, "f1", "geometry_centres") " | " \
-                      cell(r, "psnr", "%.2f") " | " cell(r, "ssim", "%.3f") " | " cell(r, "splats", "%.0f") " | " \
-                      cell(r, "seconds", "%.1f") " | " cell(r, "peak MiB", "%.0f") " |"
+                      cell(r, "completeness (geometry)", "%.4f") " | " cell(r, "psnr", "%.2f") " | " \
+                      cell(r, "ssim", "%.3f") " | " cell(r, "splats", "%.0f") " | " \
+                      cell(r, "peak MiB", "%.0f") " |"
             }
         }' "$1"
 }

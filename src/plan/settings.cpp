@@ -69,7 +69,7 @@ std::string RunPlan::text() const {
         const std::string coverage = coverage_text(look_->points_per_pixel);
         out = str(padded("scene", name), look_->train_views, " training and ", look_->test_views,
                   " test photographs; ", grouped(look_->points), " start points\n",
-                  padded("coverage", name), coverage, "; decides where no reason is given\n");
+                  padded("coverage", name), coverage, " (the reason of lines without one)\n");
         stated.insert(coverage);
     }
     for (const Line& line : lines_) {
