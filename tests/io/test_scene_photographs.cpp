@@ -251,15 +251,37 @@ TEST_F(SceneReader, TurnsThatShowAPhotographUpright) {
     // 1 is upright; 8, 3 and 6 are turned by one, two and three quarters against the clock; the
     // others are mirrored.
     const int turns[] = {0, 0, 2, 2, 1, 1, 3, 3};
-    for (const int first : {1, 5}) {
+    const auto write_all = [&](int orientation) {
         for (int i = 0; i < 4; ++i) {
             fs::remove(folder / str("images/", i, ".png"));
-            write(str("images/", i, ".jpg"), oriented_jpeg(stored, static_cast<char>(first + i)));
+            write(str("images/", i, ".jpg"), oriented_jpeg(stored, static_cast<char>(orientation)));
         }
-        const Scene scene = read();
-        for (std::size_t i = 0; i < 4; ++i)
-            EXPECT_EQ(scene.train[i].upright_turns, turns[first - 1 + int(i)]) << first + int(i);
+    };
+    for (int orientation = 1; orientation <= 8; ++orientation) {
+        write_all(orientation);
+        for (const View& view : read().train)
+            EXPECT_EQ(view.upright_turns, turns[orientation - 1]) << orientation;
     }
+    // Level cameras all around: the sideways photographs cannot be so, unless they are all turned.
+    const std::string around = read_bytes((folder / "sparse/0/images.txt").string());
+    std::string level, sideways;
+    const double r = std::sqrt(0.5);
+    const double about_y[][2] = {{1, 0}, {r, r}, {0, 1}, {r, -r}};  // w and y of quaternions
+    for (int i = 0; i < 4; ++i) {
+        const double w = about_y[i][0], y = about_y[i][1];
+        level += fmt::format("{} {} 0 {} 0 0 0 0 1 {}.png\n\n", i + 1, w, y, i);
+        // The same camera, on its side: a quarter turn about z first.
+        sideways +=
+            fmt::format("{} {} {} {} {} 0 0 0 1 {}.png\n\n", i + 1, r * w, r * y, r * y, -r * w, i);
+    }
+    write_all(6);
+    options.need_points = false;
+    write("sparse/0/images.txt", level);
+    for (const View& view : read().train) EXPECT_EQ(view.upright_turns, 0) << "a stale orientation";
+    write("sparse/0/images.txt", sideways);
+    for (const View& view : read().train) EXPECT_EQ(view.upright_turns, 1);
+    write("sparse/0/images.txt", around);
+    options.need_points = true;
     // A turned camera sees each place where the turned image has its pixel.
     const Camera as_stored = read().train[0].camera;
     for (int quarters = 0; quarters < 4; ++quarters) {

@@ -211,6 +211,28 @@ Vec3d origin_of(const ColmapModel& model) {
     return local_origin(centres);
 }
 
+/// Some programs turn the pixels and leave the EXIF orientation as it was. Then the upward axes of
+/// the cameras agree only as the photographs are stored.
+void drop_wrong_turns(Scene& scene) {
+    Vec3d stored, turned;
+    double count = 0;
+    bool any = false;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views) {
+            const auto down = [](const Camera& camera) {
+                const float* const row = camera.camera_from_world.R[1];
+                return Vec3d{row[0], row[1], row[2]};
+            };
+            stored += down(view.camera);
+            turned += down(turned_camera(view.camera, view.upright_turns));
+            ++count, any = any || view.upright_turns != 0;
+        }
+    if (!any || !(norm(stored) > std::max(0.5 * count, 1.5 * norm(turned)))) return;
+    for (std::vector<View>* views : {&scene.train, &scene.test})
+        for (View& view : *views) view.upright_turns = 0;
+    spdlog::info("{}: the EXIF orientations contradict the cameras and are ignored", scene.path);
+}
+
 }  // namespace
 
 std::size_t drop_invalid_points(PointCloud& cloud, const std::string& source) {
@@ -408,6 +430,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         log_undistortion(train);
         warn_of_empty_masks(train, scene.train);
         scene.test = load_views(sources(chosen.split.test), options, scene.origin, to);
+        drop_wrong_turns(scene);
         double offset = 0;
         for (const ViewSource& view : train)
             offset =
