@@ -276,7 +276,9 @@ TEST_F(Prepare, WhatIsMissingOrThereAlready) {
     write("bin/colmap", "#!/bin/sh\necho libceres.so: cannot open; exit 127\n");
     r = run("photos scene");
     EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("colmap: does not start, exit code 127:\n  libceres.so: cannot open")) << r;
+    EXPECT_TRUE(r.says("colmap: does not start, exit code 127:") &&
+                r.says("\n  libceres.so: cannot open"))
+        << r;
     write("bin/colmap", colmap);
     r = run("photos photos/scene");
     EXPECT_EQ(r.code, 2) << r;

@@ -210,10 +210,10 @@ TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
         Gaussians<Cpu> splats;
     };
     std::vector<Case> cases;
-    cases.push_back({"ewa", test::random_gaussians(4000, 11, 0.05, 3)});
-    cases.push_back({"ewa", test::random_gaussians(2000, 12, 0.05, 0)});
+    cases.push_back({"ewa", test::random_gaussians(2000, 11, 0.05, 3)});
+    cases.push_back({"ewa", test::random_gaussians(1000, 12, 0.05, 0)});
     cases.push_back({"surfel", sphere(4000)});
-    cases.push_back({"surfel", test::random_gaussians(1500, 13, 0.1, 2)});
+    cases.push_back({"surfel", test::random_gaussians(800, 13, 0.1, 2)});
     cases.push_back({"rade", sphere(3000)});
     cases.push_back({"ewa", around(600)});
     std::vector<ViewRun> runs;
