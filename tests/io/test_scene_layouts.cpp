@@ -244,7 +244,13 @@ TEST_F(SceneLayouts, Nerfstudio) {
     for (int i = 0; i < 3; ++i) photo(str("images_2/", i, ".png"), 4, 3);
     options.images = "images_2";
     EXPECT_EQ(read().train[0].camera.fx_px, 5);
+    write_frames("\"camera_angle_x\": 1.5707963267948966, ", kOpenGl);
+    fs::rename(folder / "images", folder / "elsewhere");
+    EXPECT_NEAR(read().train[0].camera.fx_px, 2, 1e-5f);
+    fs::rename(folder / "elsewhere", folder / "images");
     options.images = "images";
+    write_frames("\"fl_x\": 10, \"train_filenames\": [\"images/0.png\", \"images/2.png\"], ",
+                 kOpenGl);
     // A lost photograph without a known size is left out, also of the scene's split.
     fs::remove(folder / "images/0.png");
     options.min_train_views = 1;

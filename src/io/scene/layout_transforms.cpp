@@ -170,8 +170,9 @@ SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
     std::set<std::string> unknown;
     for (const JsonValue& frame : in.file["frames"].items) {
         const std::string name = listed(frame, "file_path");
-        // Lengths in pixels are of this file.
-        const fs::path file = scene / with_extension(scene, in.name(frame, "file_path"));
+        // Lengths in pixels are of the listed file, angles of any size.
+        fs::path file = scene / with_extension(scene, in.name(frame, "file_path"));
+        if (!in.number(frame, "fl_x") && !fs::exists(file)) file = scene / name;
         const bool sized = in.number(frame, "w") && in.number(frame, "h");
         if (!sized && !fs::exists(file)) {
             unknown.insert(name);
