@@ -8,6 +8,7 @@
 #include "eval/points.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
+#include "io/images/image_file.h"
 #include "pipeline/run/run_folder.h"
 #include "pipeline/run/run_options.h"
 #include "report/page_data.h"
@@ -134,7 +135,7 @@ void add_results(JsonValue& report, const std::string& run) {
     if (!results.members.empty()) report.set("results", std::move(results));
 }
 
-/// Renders beside their photographs, ordered from the worst PSNR to the best.
+/// Renders beside their photographs, both upright, ordered from the worst PSNR to the best.
 JsonValue pictures(const std::string& run,
                    const JsonValue& views,
                    const std::vector<View>& photographs) {
@@ -154,18 +155,20 @@ JsonValue pictures(const std::string& run,
         const ImageU8 render = read_image(stem + ".png", 3);
         JsonValue entry;
         entry.add("name", name).add("psnr", view["psnr"]).add("ssim", view["ssim"]);
-        for (const View& photograph : photographs) {
-            const ImageU8& photo = photograph.photo;
-            if (photograph.name != name || photo.width != render.width ||
-                photo.height != render.height)
-                continue;
-            entry.set("photo", picture_json(photo, kPictureWidth));
-            entry.set("difference", picture_json(difference_image(render, photo), kPictureWidth));
+        const auto found = std::ranges::find(photographs, name, &View::name);
+        const bool known = found != photographs.end();
+        const auto set = [&](const char* kind, const ImageU8& image) {
+            entry.set(kind, picture_json(turned_clockwise(image, known ? found->upright_turns : 0),
+                                         kPictureWidth));
+        };
+        if (known && found->photo.width == render.width && found->photo.height == render.height) {
+            set("photo", found->photo);
+            set("difference", difference_image(render, found->photo));
         }
-        entry.set("render", picture_json(render, kPictureWidth));
+        set("render", render);
         for (const char* kind : {"normal", "depth"}) {
             const std::string path = str(stem, "_", kind, ".png");
-            if (is_file(path)) entry.set(kind, picture_json(read_image(path, 3), kPictureWidth));
+            if (is_file(path)) set(kind, read_image(path, 3));
         }
         list.items[i] = std::move(entry);
     });

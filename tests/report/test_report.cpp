@@ -10,6 +10,7 @@
 
 #include "core/grouped.h"
 #include "io/files/json_value.h"
+#include "io/scene/scene_reader.h"
 #include "pipeline/run/train_evaluation.h"
 #include "report/page_data.h"
 #include "report/plot.h"
@@ -325,6 +326,17 @@ TEST_F(Report, PhotographsOnTheirSideAreShownUpright) {
     EXPECT_EQ(turned.photo.height, 64);
     for (int c = 0; c < 3; ++c)
         EXPECT_EQ(turned.photo.at(47, 0, c), stored.cameras.front().photo.at(0, 0, c));
+    // Pictures of test views.
+    SceneOptions options;
+    options.path = input.scene, options.split = "train_3";
+    Scene scene = read_scene(options);
+    for (View& view : scene.test) view.upright_turns = 1;
+    write_report(input.runs[0], scene, {});
+    const JsonValue report =
+        parse_json_value(contents(folder_ / "sideways/report.json"), "report.json");
+    ASSERT_FALSE(report["pictures"].items.empty());
+    for (const char* kind : {"photo", "render", "difference", "normal", "depth"})
+        EXPECT_EQ(report["pictures"].items[0][kind]["width"].number, 48) << kind;
     cameras[at + key.size()] = '7';
     std::ofstream(folder_ / "sideways/cameras.json") << cameras;
     EXPECT_THROW(read_view_subject(input), Error);
