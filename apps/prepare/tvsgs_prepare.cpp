@@ -452,10 +452,10 @@ int command(int argc, char** argv) {
         const std::string command = keep_cameras(a, scene, model, video ? photos : "");
         if (command.empty()) throw;
         const Error* const known = dynamic_cast<const Error*>(&error);
-        throw Error(
-            known ? known->code() : ExitCode::io, error.what(),
-            "\n  The cameras are kept. After a correction, with the other flags as before: ",
-            command);
+        throw Error(known ? known->code() : ExitCode::io, error.what(),
+                    "\n  The cameras are kept. After a correction, with --gcp, --gps or "
+                    "--marker-size as before: ",
+                    command);
     }
     if (!in_place) {
         for (const std::string& name : names)

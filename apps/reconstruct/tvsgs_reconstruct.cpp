@@ -381,8 +381,10 @@ int Reconstruction::run() {
     }
     if (all_kept) spdlog::info("Everything is done already; --overwrite starts anew");
     if (prepared && !a_.of_prepare.empty() && !fs::exists(scene_ + "/georeference.json"))
-        spdlog::warn("{} has no effect: {} has its cameras from another command", a_.of_prepare[0],
-                     scene_);
+        spdlog::warn(
+            "{} has no effect: {} has its cameras from another command; to find them anew, "
+            "move it away and give --overwrite",
+            a_.of_prepare[0], scene_);
     if (runner.warnings() > 0)
         spdlog::info("{} in {}/reconstruct.log", counted(std::size_t(runner.warnings()), "warning"),
                      a_.out);

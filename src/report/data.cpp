@@ -157,9 +157,9 @@ JsonValue pictures(const std::string& run,
         entry.add("name", name).add("psnr", view["psnr"]).add("ssim", view["ssim"]);
         const auto found = std::ranges::find(photographs, name, &View::name);
         const bool known = found != photographs.end();
+        const int turns = known ? found->upright_turns : 0;
         const auto set = [&](const char* kind, const ImageU8& image) {
-            entry.set(kind, picture_json(turned_clockwise(image, known ? found->upright_turns : 0),
-                                         kPictureWidth));
+            entry.set(kind, picture_json(turned_clockwise(image, turns), kPictureWidth));
         };
         if (known && found->photo.width == render.width && found->photo.height == render.height) {
             set("photo", found->photo);

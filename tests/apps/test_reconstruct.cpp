@@ -157,6 +157,8 @@ TEST_F(Reconstruct, PhotographsBecomeSplatsMeshAndPage) {
     write("photos/a.png", before + "taken again");
     r = run("photos 'my out'");
     EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("# 3 photographs, 72 bytes\n") && r.says("# 3 photographs, 83 bytes\n"))
+        << r;
     write("photos/a.png", before);
     fs::remove_all(folder / "my out/scene");
     r = run("photos 'my out'");

@@ -120,7 +120,13 @@ TEST_F(SceneReader, MasksOfAnotherFolderAreNotTaken) {
     photo("masks/2.png", 8, 6, 7, 1);   // by its number
     photo("masks/03.png", 8, 6, 7, 1);  // by its name
     write("masks/03.json", "{}");       // the polygons of the mask
+    init_log(Verbosity::normal);
+    testing::internal::CaptureStderr();
     EXPECT_EQ(with_mask(), (std::set<std::string>{"b/02.png", "b/03.png"}));
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(said.find("masks/01.png: may belong to several images, such as a/01.png"),
+              std::string::npos)
+        << said;
 }
 
 TEST_F(SceneReader, MaskOfTheAlphaChannel) {

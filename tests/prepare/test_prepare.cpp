@@ -416,7 +416,8 @@ TEST_F(Prepare, CamerasAreKeptIfThePlacesDoNotFit) {
     for (const std::string& part :
          {std::string("p1: east "),
           std::string("the places do not fit the photographs: they spread "),
-          str("After a correction, with the other flags as before: tvsgs-prepare photos scene "
+          str("After a correction, with --gcp, --gps or --marker-size as before: tvsgs-prepare "
+              "photos scene "
               "--model ",
               (folder / "scene.cameras").string())})
         EXPECT_TRUE(r.says(part)) << part << r;

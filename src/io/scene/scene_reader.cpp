@@ -111,7 +111,8 @@ public:
             if (parse_number(stem, number)) ++images_by_number_[number];
         }
     }
-    std::optional<std::string> find(const std::string& name) const {
+    /// Warns once of a mask outside of folders that several images have the name of.
+    std::optional<std::string> find(const std::string& name) {
         if (folder_.empty()) return std::nullopt;
         const fs::path path(name);
         const std::string own = path.stem().string();
@@ -128,6 +129,13 @@ public:
                 (images_by_number_.at(number) == 1 ||
                  found->second.parent_path() == path.parent_path()))
                 return (folder_ / found->second).string();
+        if (const auto found = by_stem_.find(own); found != by_stem_.end() && !warned_) {
+            warned_ = true;
+            spdlog::warn(
+                "{}: may belong to several images, such as {}, and is not used; put the "
+                "masks into folders like the images",
+                (folder_ / found->second).string(), name);
+        }
         if (required_)
             throw input_error("E_MASKS: ", folder_.string(), ": no mask for image '", name, "'");
         return std::nullopt;
@@ -135,7 +143,7 @@ public:
 
 private:
     fs::path folder_;
-    bool required_ = false;
+    bool required_ = false, warned_ = false;
     std::map<std::string, fs::path> by_stem_;
     std::map<int, fs::path> by_number_;
     std::map<std::string, int> images_by_stem_;
@@ -227,6 +235,7 @@ void drop_wrong_turns(Scene& scene) {
             turned += down(turned_camera(view.camera, view.upright_turns));
             ++count, any = any || view.upright_turns != 0;
         }
+    // Level cameras add up to their count; directions at random stay far below half of it.
     if (!any || !(norm(stored) > std::max(0.5 * count, 1.5 * norm(turned)))) return;
     for (std::vector<View>* views : {&scene.train, &scene.test})
         for (View& view : *views) view.upright_turns = 0;
@@ -391,7 +400,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         const ColmapModel& model = layout.model;
 
         // 1. Views.
-        const MaskFinder mask_finder(options, model.images);
+        MaskFinder mask_finder(options, model.images);
         const auto sources = [&](const std::vector<int>& indices) {
             std::vector<ViewSource> out;
             for (const int i : indices) {
