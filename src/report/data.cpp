@@ -135,6 +135,18 @@ void add_results(JsonValue& report, const std::string& run) {
     if (!results.members.empty()) report.set("results", std::move(results));
 }
 
+/// Turns the directions of a picture of normals (red right, green up; black: none) clockwise.
+void turn_normal_colors(ImageU8& image, int quarters) {
+    for (int i = 0; i < image.width * image.height; ++i) {
+        std::uint8_t* const rgb = &image.pixels[3 * static_cast<std::size_t>(i)];
+        if (rgb[0] + rgb[1] + rgb[2] == 0) continue;
+        for (int k = 0; k < quarters; ++k) {
+            const std::uint8_t right = rgb[1];
+            rgb[1] = static_cast<std::uint8_t>(255 - rgb[0]), rgb[0] = right;
+        }
+    }
+}
+
 /// Renders beside their photographs, both upright, ordered from the worst PSNR to the best.
 JsonValue pictures(const std::string& run,
                    const JsonValue& views,
@@ -168,7 +180,10 @@ JsonValue pictures(const std::string& run,
         set("render", render);
         for (const char* kind : {"normal", "depth"}) {
             const std::string path = str(stem, "_", kind, ".png");
-            if (is_file(path)) set(kind, read_image(path, 3));
+            if (!is_file(path)) continue;
+            ImageU8 image = read_image(path, 3);
+            if (kind[0] == 'n') turn_normal_colors(image, turns);
+            set(kind, image);
         }
         list.items[i] = std::move(entry);
     });

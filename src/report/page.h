@@ -36,7 +36,7 @@ caption{text-align:left;color:var(--quiet);padding-bottom:4px}
 .pictures img{width:100%;height:auto;display:block;background:#101010;border-radius:3px}
 figcaption{font-size:.86rem;color:var(--quiet);padding-top:3px}
 .lead{font-size:1.08rem}.level{display:inline-block}main>ul{margin:4px 0 12px;padding-left:22px;max-width:75ch}li{margin:3px 0;overflow-wrap:anywhere}
-.viewer img{width:100%;max-width:900px;height:auto;display:block;border-radius:4px}
+.viewer img{width:100%;max-width:900px;height:auto;max-height:92vh;object-fit:contain;object-position:left;display:block;border-radius:4px}
 .viewer iframe{width:100%;height:92vh;min-height:420px;border:0;display:block}
 .scroll:focus-visible,iframe:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible,input:focus-visible{outline:3px solid var(--mark);outline-offset:2px}
 .controls{display:flex;flex-wrap:wrap;gap:6px;margin:8px 0}.controls[hidden]{display:none}

@@ -331,12 +331,24 @@ TEST_F(Report, PhotographsOnTheirSideAreShownUpright) {
     options.path = input.scene, options.split = "train_3";
     Scene scene = read_scene(options);
     for (View& view : scene.test) view.upright_turns = 1;
+    const auto filled = [](int width, int height, Vec3i color) {
+        ImageU8 image(width, height, 3);
+        for (std::size_t i = 0; i < image.pixels.size(); ++i)
+            image.pixels[i] = static_cast<std::uint8_t>(color[int(i % 3)]);
+        return image;
+    };
+    for (const auto& entry : fs::recursive_directory_iterator(folder_ / "sideways"))
+        if (entry.path().filename().string().ends_with("_normal.png"))
+            write_png(entry.path().string(), filled(64, 48, {200, 100, 50}));
     write_report(input.runs[0], scene, {});
     const JsonValue report =
         parse_json_value(contents(folder_ / "sideways/report.json"), "report.json");
     ASSERT_FALSE(report["pictures"].items.empty());
     for (const char* kind : {"photo", "render", "difference", "normal", "depth"})
         EXPECT_EQ(report["pictures"].items[0][kind]["width"].number, 48) << kind;
+    // Right was 200 and up 100; the turned picture has up as its right, and left as its up.
+    EXPECT_EQ(report["pictures"].items[0]["normal"]["src"].text,
+              picture_json(filled(48, 64, {100, 55, 50}), 400)["src"].text);
     cameras[at + key.size()] = '7';
     std::ofstream(folder_ / "sideways/cameras.json") << cameras;
     EXPECT_THROW(read_view_subject(input), Error);
